@@ -1,0 +1,1 @@
+"""Recordings, the prepared store, windows and splits."""

@@ -1,0 +1,84 @@
+"""What every method owes to evaluation. Training belongs to the method."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import torch
+from lightning import LightningModule
+from torch import Tensor
+
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.windows import WindowSpec
+from cospeech.motion.motion import Motion
+from cospeech.speech.speech import Speech
+
+
+class GestureMethod(LightningModule):
+    """Base of the methods: windows in, upper-body motion out.
+
+    A subclass sets `window` and `needs`, implements `sample` and `generate`, and trains itself by
+    manual optimisation. Schedules are pure values of ``current_epoch``; every random number in
+    training comes from torch's global generator, which the run seeds anew for each step, so that a
+    resumed run continues exactly.
+
+    Attributes:
+        window: Frame rate, length, seed frames and stride of the windows it works on.
+        needs: `GestureBatch` fields it reads.
+        monitor: Logged value that selects the best checkpoint (lower is better).
+    """
+
+    window: WindowSpec
+    needs: ClassVar[frozenset[str]]
+    monitor: ClassVar[str] = "val/fgd"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.automatic_optimization = False
+
+    @abstractmethod
+    def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
+        """One window per item, given its real seed poses, as the paper evaluates.
+
+        Args:
+            batch: Windows with the fields of `needs`.
+            generator: Source of every random draw; same seed, same motion.
+
+        Returns:
+            ``(B, T, 10, 3)`` root-relative positions of the upper-body joints, metres.
+        """
+
+    @abstractmethod
+    def generate(
+        self,
+        speech: Speech,
+        speaker: str | None = None,
+        seed_motion: Motion | None = None,
+        controls: dict[str, Any] | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Motion:
+        """Motion for speech of any length.
+
+        Args:
+            speech: Waveform and, if the method reads them, words.
+            speaker: A training speaker's name; None lets the method choose.
+            seed_motion: Upper-body motion to continue from, at the method's frame rate.
+            controls: Method-specific controls; an unknown name is an error.
+            generator: Source of every random draw; None seeds one with 0.
+
+        Returns:
+            Upper-body motion that covers the audio exactly: ``ceil(duration * fps)`` frames.
+        """
+
+    def validation_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
+        """Sampled positions of the batch, for the evaluation callback.
+
+        The draws depend on the batch's index alone, so epochs are compared under the same noise.
+        """
+        generator = torch.Generator(device=self.device).manual_seed(batch_idx)
+        return self.sample(batch, generator)
+
+    def test_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
+        """As `validation_step`."""
+        return self.validation_step(batch, batch_idx)

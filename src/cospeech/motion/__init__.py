@@ -1,0 +1,1 @@
+"""Skeletons, motion, and the conversions between ways of writing a pose."""

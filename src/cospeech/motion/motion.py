@@ -1,0 +1,100 @@
+"""A motion clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.motion.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Joint positions over time, in house axes (+x the speaker's left, +y up, +z forward).
+
+    Frame i shows time ``i / fps``.
+
+    Attributes:
+        skeleton: The joints.
+        fps: Frames per second.
+        positions: ``(T, J, 3)`` float32, metres. World space for recordings; root-relative (root at
+            the origin, heading removed) for upper-body and generated motion.
+        rotations_local: ``(T, J, 4)`` quaternions (x, y, z, w) of each joint relative to its
+            parent, where known. Together with ``positions[:, root]`` and the skeleton's offsets they
+            give the positions back.
+
+    Raises:
+        ValueError: The shapes disagree or fps is not positive.
+    """
+
+    skeleton: Skeleton
+    fps: float
+    positions: NDArray[np.float32]
+    rotations_local: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        expected = (len(self.skeleton), 3)
+        if self.positions.ndim != 3 or self.positions.shape[1:] != expected:
+            raise ValueError(
+                f"positions of shape {self.positions.shape} for skeleton {self.skeleton.name}"
+                f" with {len(self.skeleton)} joints"
+            )
+        if self.rotations_local is not None and self.rotations_local.shape != (
+            *self.positions.shape[:2],
+            4,
+        ):
+            raise ValueError(f"rotations of shape {self.rotations_local.shape}")
+        if not self.fps > 0:
+            raise ValueError(f"fps must be positive, got {self.fps}")
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def duration(self) -> float:
+        """Seconds covered: frames / fps."""
+        return len(self) / self.fps
+
+    def first_bad_frame(self) -> int | None:
+        """Index of the first frame with a NaN or infinite coordinate, or None."""
+        bad = ~np.isfinite(self.positions).all(axis=(1, 2))
+        return int(bad.argmax()) if bad.any() else None
+
+    def slice(self, start: int, stop: int) -> Motion:
+        """Frames ``start`` to ``stop`` (exclusive)."""
+        rotations = self.rotations_local
+        return Motion(
+            self.skeleton,
+            self.fps,
+            self.positions[start:stop],
+            None if rotations is None else rotations[start:stop],
+        )
+
+
+def resample_positions(
+    positions: NDArray[np.floating], fps: float, new_fps: float
+) -> NDArray[np.float32]:
+    """Positions at another frame rate, by linear interpolation between frames.
+
+    New frame j shows time ``j / new_fps``; frames after the last source frame are not made, so
+    ``ceil`` rounding never extrapolates. Bones shorten by at most the chord of one source frame.
+
+    Args:
+        positions: ``(T, ..., 3)`` at ``fps``.
+        fps: Frame rate of ``positions``.
+        new_fps: Frame rate wanted.
+
+    Returns:
+        ``(T', ..., 3)`` float32 with ``T' = floor((T - 1) / fps * new_fps) + 1``.
+    """
+    count = len(positions)
+    if count == 0:
+        return np.asarray(positions, dtype=np.float32)
+    new_count = int(np.floor((count - 1) / fps * new_fps + 1e-6)) + 1
+    times = np.arange(new_count) * (fps / new_fps)
+    low = np.minimum(times.astype(np.int64), count - 1)
+    high = np.minimum(low + 1, count - 1)
+    weight = (times - low).reshape(-1, *([1] * (positions.ndim - 1)))
+    return (positions[low] * (1 - weight) + positions[high] * weight).astype(np.float32)

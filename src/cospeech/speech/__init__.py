@@ -1,0 +1,1 @@
+"""Speech: audio, acoustic features, transcripts, vocabulary, synthesis."""
