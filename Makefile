@@ -1,0 +1,54 @@
+# make demo    train a small trimodal model on the embedded corpus; ends with a table and a page to open
+# make test    the fast tests
+# make check   what CI runs: fast tests, lint, types, layers, slow tests
+#
+# Each starts from a clone with nothing but Python 3.11+ and make. PIP_ARGS is passed to every pip
+# call (a mirror, an index with another build of torch, ...).
+
+PYTHON ?= python3
+VENV ?= .venv
+PIP_ARGS ?=
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --disable-pip-version-check $(PIP_ARGS) -c constraints.txt
+
+.PHONY: help install-demo install-dev demo test slow lint check clean
+
+help:
+	@sed -n 's/^# \(make .*\)/\1/p' Makefile
+
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; assert (3, 11) <= sys.version_info[:2] < (3, 14), "Cospeech needs Python 3.11 to 3.13; make PYTHON=python3.11 ..."'
+	$(PYTHON) -m venv $(VENV)
+
+# torch first and alone: what comes after finds the pinned release in place.
+$(VENV)/.torch: constraints.txt | $(BIN)/python
+	$(PIP) torch
+	@touch $@
+
+$(VENV)/.demo: pyproject.toml constraints.txt | $(VENV)/.torch
+	$(PIP) -e '.[demo]'
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.torch
+	$(PIP) -e '.[dev]'
+	@touch $@ $(VENV)/.demo
+
+demo: $(VENV)/.demo
+	$(BIN)/python train.py model=trimodal experiment=trimodal_quick
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest -m "not slow" -n 2 -q
+
+slow: $(VENV)/.dev
+	$(BIN)/python -m pytest -m slow -q
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+check: test lint slow
+
+clean:
+	rm -rf $(VENV)

@@ -1,0 +1,1 @@
+"""Lightning callbacks of the runs; ours take the `RunContext` as ``run``."""

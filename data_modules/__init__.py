@@ -1,0 +1,1 @@
+"""Lightning data modules: one per corpus, thin, over a prepared store."""

@@ -1,0 +1,1 @@
+"""Adversaries: discriminators with their losses, weight and start."""

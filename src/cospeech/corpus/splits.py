@@ -1,0 +1,124 @@
+"""Which part of which recording trains, validates and tests."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cospeech.errors import ConfigError
+
+SPLITS = ("train", "val", "test")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of one recording that belongs to one split.
+
+    Attributes:
+        recording: Index of the recording in the store.
+        start: First evaluation-rate frame.
+        stop: Frame after the last.
+    """
+
+    recording: int
+    start: int
+    stop: int
+
+
+def split_recordings(
+    speakers: Sequence[str],
+    val_share: float,
+    test_share: float,
+    seed: int,
+    held_out: str = "recordings",
+) -> list[str]:
+    """A split name per recording; whole recordings only, as the TED set splits by video.
+
+    Args:
+        speakers: Speaker of each recording.
+        val_share: Share of recordings for validation.
+        test_share: Share for testing.
+        seed: Seed of the shuffle.
+        held_out: ``"recordings"``: held-out recordings are of speakers that also train, so long as
+            a speaker has a recording to spare. ``"speakers"``: held-out recordings are of speakers
+            that never train.
+
+    Raises:
+        ConfigError: Too few recordings or speakers for three splits.
+    """
+    rng = np.random.default_rng(seed)
+    if held_out == "speakers":
+        names = sorted(set(speakers))
+        counts = _share_counts(len(names), val_share, test_share, "speakers")
+        order = [names[i] for i in rng.permutation(len(names))]
+        split_of = {name: split for name, split in zip(order, counts, strict=True)}
+        return [split_of[speaker] for speaker in speakers]
+    if held_out != "recordings":
+        raise ConfigError(f"held_out is 'recordings' or 'speakers', not {held_out!r}")
+    labels = _share_counts(len(speakers), val_share, test_share, "recordings")
+    wanted = [label for label in labels if label != "train"]
+    remaining: dict[str, int] = defaultdict(int)
+    for speaker in speakers:
+        remaining[speaker] += 1
+    result = ["train"] * len(speakers)
+    order_of_choice = [int(i) for i in rng.permutation(len(speakers))]
+    # Speakers with recordings to spare give first; a lone recording is taken only when none is left.
+    order_of_choice.sort(key=lambda i: remaining[speakers[i]] < 2)
+    for i in order_of_choice:
+        if not wanted:
+            break
+        if remaining[speakers[i]] > 1:
+            result[i] = wanted.pop()
+            remaining[speakers[i]] -= 1
+    for i in order_of_choice:
+        if not wanted:
+            break
+        if result[i] == "train":
+            result[i] = wanted.pop()
+    return result
+
+
+def _share_counts(count: int, val_share: float, test_share: float, what: str) -> list[str]:
+    val, test = max(1, round(count * val_share)), max(1, round(count * test_share))
+    if count - val - test < 1:
+        raise ConfigError(
+            f"{count} {what} can't be split into train, validation and test",
+            "give the corpus more, or cut recordings into time blocks with data.split=time_blocks",
+        )
+    return ["val"] * val + ["test"] * test + ["train"] * (count - val - test)
+
+
+def time_blocks(
+    frames: Sequence[int], val_share: float, test_share: float, minimum: int
+) -> dict[str, list[Span]]:
+    """Each recording cut in time: its first part trains, then validation, then test.
+
+    For a handful of long takes. Blocks of one recording share speaker and session, so numbers from
+    such a split say how well a take is continued, not how well a new one is met.
+
+    Args:
+        frames: Evaluation-rate frames of each recording.
+        val_share: Share of each recording for validation.
+        test_share: Share for testing.
+        minimum: Fewest frames a block needs to hold a window; a recording too short to give one to
+            each split trains whole.
+    """
+    spans: dict[str, list[Span]] = {name: [] for name in SPLITS}
+    for i, count in enumerate(frames):
+        val, test = round(count * val_share), round(count * test_share)
+        train = count - val - test
+        if min(train, val, test) < minimum:
+            spans["train"].append(Span(i, 0, count))
+            continue
+        spans["train"].append(Span(i, 0, train))
+        spans["val"].append(Span(i, train, train + val))
+        spans["test"].append(Span(i, train + val, count))
+    if not spans["val"]:
+        raise ConfigError(
+            f"no recording is long enough for time blocks of {minimum} frames",
+            "add recordings, or raise data.val_share and data.test_share",
+        )
+    return spans

@@ -1,0 +1,85 @@
+"""Which encoder judges a store: a given checkpoint, or one trained on the store when first needed."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from pathlib import Path
+
+import lightning
+import torch
+from filelock import FileLock
+from lightning import Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
+
+from cospeech.corpus.store import Store
+from cospeech.corpus.windows import WindowDataset, WindowLoader
+from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.encoder import EVALUATION_FRAMES, GestureEncoder
+from cospeech.metrics.encoder_files import load_any, load_encoder, save_encoder
+
+BATCH_SIZE = 128
+"""Windows per batch of the auto-encoder's training, as published (spec 2.4)."""
+
+logger = logging.getLogger(__name__)
+
+
+def encoder_for(store: Store, choice: str, epochs: int, seed: int) -> GestureEncoder:
+    """The encoder of the evaluation space.
+
+    Args:
+        store: The corpus it is for.
+        choice: ``"trained"``: the 34-frame auto-encoder, trained on the store's training split the
+            first time and kept under the store; else the path of a checkpoint, ours or published.
+        epochs: Training epochs of a trained one.
+        seed: Seed of a trained one.
+
+    Raises:
+        CospeechError: The checkpoint can't be used for 34-frame windows.
+    """
+    if choice != "trained":
+        return load_any(choice, EVALUATION_FRAMES)
+    path = _path(store, epochs, seed)
+    path.parent.mkdir(exist_ok=True)
+    with FileLock(str(path) + ".lock"):  # a second run that needs it waits instead of training too
+        if not path.is_file():
+            logger.info("training the FGD encoder on %s (once; kept in %s)", store.name, path)
+            save_encoder(_train(store, epochs, seed), path)
+    return load_encoder(path)
+
+
+def keep_encoder(store: Store, encoder: GestureEncoder, epochs: int, seed: int) -> Path:
+    """Make an explicitly trained encoder the store's own for these epochs and seed."""
+    path = _path(store, epochs, seed)
+    path.parent.mkdir(exist_ok=True)
+    save_encoder(encoder, path)
+    return path
+
+
+def _path(store: Store, epochs: int, seed: int) -> Path:
+    return store.path / "encoders" / f"autoencoder-e{epochs}-s{seed}.pt"
+
+
+def _train(store: Store, epochs: int, seed: int) -> GestureEncoder:
+    lightning.seed_everything(seed, verbose=False)
+    model = MotionAutoencoder(corpus=store.facts())
+    loaders = {}
+    for split, shuffle in (("train", True), ("val", False)):
+        dataset = WindowDataset(store, split, model.window, model.needs)
+        size = min(BATCH_SIZE, len(dataset))
+        loaders[split] = WindowLoader(dataset, size, seed, shuffle, drop_last=shuffle)
+    with tempfile.TemporaryDirectory() as folder:
+        best = ModelCheckpoint(folder, "best", monitor=model.monitor)
+        trainer = Trainer(
+            max_epochs=epochs,
+            accelerator="cpu",
+            devices=1,
+            logger=False,
+            enable_model_summary=False,
+            num_sanity_val_steps=0,
+            callbacks=[best, TQDMProgressBar(refresh_rate=10)],
+        )
+        trainer.fit(model, loaders["train"], loaders["val"])
+        weights = torch.load(best.best_model_path, weights_only=True)["state_dict"]
+    model.load_state_dict(weights)
+    return model.encoder(f"motion_autoencoder, {epochs} epochs on {store.name}")

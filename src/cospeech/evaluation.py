@@ -1,0 +1,122 @@
+"""Judging methods on a store: the recordings protocol and the reference rows."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from cospeech.corpus.splits import Span
+from cospeech.corpus.store import Store
+from cospeech.errors import CospeechError
+from cospeech.methods.base import GestureMethod
+from cospeech.metrics import protocol
+from cospeech.metrics.encoder import GestureEncoder
+from cospeech.progress import progress_bar
+from cospeech.reporting.record import write_json
+
+References = dict[str, dict[str, float]]
+"""Row name -> metric name -> value."""
+
+
+def real_windows(store: Store, spans: list[Span]) -> tuple[Tensor, list[str]]:
+    """The real motion of spans, cut on the fixed evaluation grid.
+
+    Args:
+        store: The corpus.
+        spans: Which stretches.
+
+    Returns:
+        ``(n, 34, 10, 3)`` windows and the recording id of each.
+
+    Raises:
+        CospeechError: No span is as long as a window.
+    """
+    windows = [protocol.to_evaluation_windows(store.upper_body_motion(span)) for span in spans]
+    ids = [
+        store.recordings[span.recording].id
+        for span, cut in zip(spans, windows, strict=True)
+        for _ in range(len(cut))
+    ]
+    if not ids:
+        raise CospeechError(f"{store.name}: no stretch is as long as an evaluation window (2.3 s)")
+    return torch.cat(windows), ids
+
+
+def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int) -> References:
+    """The split's reference rows, computed once per store and encoder and kept under the store.
+
+    Args:
+        store: The corpus.
+        encoder: The evaluation space.
+        split: ``"val"`` or ``"test"``.
+        seed: Of the rows' noise and mismatch.
+    """
+    path = store.path / "references" / f"{split}-{encoder.sha256[:12]}-s{seed}.json"
+    kept = _read_rows(path)
+    if kept is not None:
+        return kept
+    real, ids = real_windows(store, store.splits[split])
+    train = (real_windows(store, [span])[0] for span in _long_enough(store, "train"))
+    rows = protocol.reference_rows(encoder, train, real, ids, seed)
+    write_json(path, rows)
+    return rows
+
+
+def _long_enough(store: Store, split: str) -> list[Span]:
+    return [
+        span
+        for span in store.splits[split]
+        if span.stop - span.start >= protocol.EVALUATION_FRAMES
+    ]
+
+
+def _read_rows(path: Path) -> References | None:
+    try:
+        rows: References = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+    return rows
+
+
+def evaluate_recordings(
+    method: GestureMethod,
+    store: Store,
+    split: str,
+    encoder: GestureEncoder,
+    limit: int | None = None,
+) -> dict[str, float]:
+    """The recordings protocol: generate over each whole recording, cut, compare.
+
+    No seed motion is given: the motion comes from speech (and the speaker, where known) alone.
+    Recording i is generated from seed i.
+
+    Args:
+        method: A trained method.
+        store: The corpus.
+        split: The split to judge on.
+        encoder: The evaluation space.
+        limit: At most so many recordings (debug runs).
+
+    Returns:
+        The values of `protocol.paired_row`.
+    """
+    spans = _long_enough(store, split)[:limit]
+    generated = []
+    training = method.training
+    method.eval()
+    for number, span in enumerate(
+        progress_bar(spans, len(spans), f"generating {split} recordings")
+    ):
+        speaker = store.recordings[span.recording].speaker
+        motion = method.generate(
+            store.speech(span),
+            speaker=speaker if speaker in store.speaker_ids else None,
+            generator=torch.Generator().manual_seed(number),
+        )
+        generated.append(protocol.to_evaluation_windows(motion))
+    method.train(training)
+    real, ids = real_windows(store, spans)
+    return protocol.paired_row(encoder, torch.cat(generated), real, ids)

@@ -1,0 +1,382 @@
+"""One run, from a composed config to a record: the only core file that knows Hydra."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any, cast
+
+import lightning
+import torch
+from hydra.utils import instantiate
+from lightning import Callback, LightningDataModule, LightningModule, Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.loggers import Logger
+from omegaconf import DictConfig, OmegaConf
+
+from cospeech.corpus.store import Store
+from cospeech.encoders import encoder_for, keep_encoder
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.evaluation import References, evaluate_recordings, reference_rows
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.encoder import GestureEncoder
+from cospeech.reporting.record import RunRecord, read_record, write_json
+from cospeech.reporting.tables import result_table
+
+logger = logging.getLogger(__name__)
+
+
+class RunInterrupted(CospeechError):
+    """The user stopped the run; everything up to the last finished step is saved."""
+
+
+@dataclass
+class RunContext:
+    """What callbacks may know of the run they are part of.
+
+    Attributes:
+        folder: The run's folder.
+        store: The prepared corpus.
+        encoder: Encoder of the evaluation space; None for a model that makes no motion.
+        references: Reference rows of the store under this encoder, per split.
+        record: The run's `record.json`.
+        resume_command: What to type to go on after an interruption.
+    """
+
+    folder: Path
+    store: Store
+    encoder: GestureEncoder | None
+    references: dict[str, References]
+    record: RunRecord
+    resume_command: str
+
+
+@dataclass
+class RunResult:
+    """What a run gives back to Python callers.
+
+    Attributes:
+        folder: The run's folder.
+        record: Content of its `record.json`.
+        objective: The monitored value of the best checkpoint (what a sweep minimises).
+        model: The trained model, best checkpoint's weights; None if the run had finished earlier.
+    """
+
+    folder: Path
+    record: dict[str, Any]
+    objective: float | None
+    model: LightningModule | None = field(repr=False, default=None)
+
+
+def run(cfg: DictConfig) -> RunResult:
+    """Prepare the corpus and the encoder, train, evaluate, and leave a record.
+
+    Args:
+        cfg: Composed from ``conf/train.yaml``.
+
+    Raises:
+        CospeechError: Anything the user can mend; the record says ``failed`` with the message.
+        RunInterrupted: The user stopped it; the record says ``interrupted``.
+    """
+    folder = Path(cfg.run_dir)
+    record_path = folder / "record.json"
+    if cfg.ckpt_path == "last" and record_path.is_file():
+        earlier = read_record(record_path)
+        if earlier.get("status") == "ok":
+            logger.info("%s had finished; nothing to do", folder)
+            return RunResult(folder, earlier, earlier.get("objective"))
+    resolved = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
+    record = RunRecord(
+        record_path,
+        {
+            "id": folder.name,
+            "model": cfg.choices.model,
+            "data": cfg.choices.data,
+            "ablation": cfg.choices.ablation,
+            "seed": cfg.seed,
+            "config": resolved,
+        },
+    )
+    try:
+        return _run(cfg, folder, record)
+    except RunInterrupted as error:
+        record.finish("interrupted", str(error))
+        raise
+    except KeyboardInterrupt:
+        record.finish("interrupted", "stopped by Ctrl-C")
+        raise RunInterrupted("stopped", f"continue with: {_resume_command()}") from None
+    except BaseException as error:
+        record.finish("failed", f"{type(error).__name__}: {error}")
+        raise
+
+
+def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
+    lightning.seed_everything(cfg.seed, verbose=False)
+    data = cast(Any, instantiate(cfg.data, _convert_="all"))
+    with _timed(record, "prepare_corpus"):
+        store: Store = data.prepare_store()
+    logger.info("%s", store.describe())
+    record.update(data_fingerprint=store.fingerprint)
+
+    # Built before anything slow: a wrong key fails in seconds.
+    lightning.seed_everything(cfg.seed, verbose=False)
+    model: LightningModule = instantiate(cfg.model, corpus=store.facts(), _convert_="all")
+    data.attach(model)
+
+    encoder: GestureEncoder | None = None
+    references: dict[str, References] = {}
+    if isinstance(model, GestureMethod):
+        with _timed(record, "encoder"):
+            encoder = _encoder(store, cfg.metrics)
+            for split in ("val", "test"):
+                references[split] = reference_rows(
+                    store, encoder, split, cfg.metrics.reference_seed
+                )
+        record.update(encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)})
+
+    context = RunContext(folder, store, encoder, references, record, _resume_command())
+    callbacks = [_with_context(node, context) for node in (cfg.callbacks or {}).values() if node]
+    loggers: list[Logger] = [instantiate(node) for node in (cfg.logger or {}).values()]
+    for experiment_logger in loggers:
+        experiment_logger.log_hyperparams(
+            cast(dict[str, Any], OmegaConf.to_container(cfg.model, resolve=True))
+            | {"seed": cfg.seed, **cast(dict, OmegaConf.to_container(cfg.choices))}
+        )
+    trainer: Trainer = instantiate(
+        cfg.trainer, callbacks=callbacks, logger=loggers or False, default_root_dir=str(folder)
+    )
+
+    with _timed(record, "fit"):
+        # The encoder may have been trained just now; the run's random numbers must not depend on it.
+        lightning.seed_everything(cfg.seed, verbose=False)
+        trainer.fit(
+            model, datamodule=cast(LightningDataModule, data), ckpt_path=_checkpoint(cfg, folder)
+        )
+    best = _best_checkpoint(trainer)
+    objective = None if best is None or best.best_model_score is None else float(
+        best.best_model_score
+    )
+    record.update(objective=objective)
+
+    if best is not None and best.best_model_path:
+        _load_weights(model, Path(best.best_model_path))
+    if isinstance(model, MotionAutoencoder):
+        path = keep_encoder(
+            store, model.encoder(), cfg.training.epochs, cfg.seed
+        )
+        logger.info("encoder kept in %s", path)
+    if cfg.test and isinstance(model, GestureMethod):
+        assert encoder is not None
+        with _timed(record, "test"):
+            windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
+            recordings = evaluate_recordings(
+                model, store, "test", encoder, limit=_limit(cfg.trainer.get("limit_test_batches"))
+            )
+        record.update(
+            final={
+                "split": "test",
+                "windows": {
+                    name.removeprefix("test/"): float(value) for name, value in windows[0].items()
+                },
+                "recordings": recordings,
+            },
+            references=references["test"],
+        )
+        print(result_table(record.values))
+    record.finish("ok")
+    samples = [folder / name for name in record.values["samples"]]
+    print(f"\nrun:    {folder}")
+    if samples:
+        print(f"listen: {samples[-1].resolve()}")
+    return RunResult(folder, record.values, objective, model)
+
+
+def prepare(cfg: DictConfig) -> Store:
+    """Prepare a corpus and say what is in it.
+
+    Args:
+        cfg: Composed from ``conf/prepare.yaml``.
+    """
+    data = cast(Any, instantiate(cfg.data, _convert_="all"))
+    store: Store = data.prepare_store()
+    print(store.describe())
+    for skipped in store.manifest["skipped"]:
+        print(f"  skipped {skipped['id']}: {skipped['reason']}")
+    print(f"store: {store.path}")
+    return store
+
+
+def evaluate(cfg: DictConfig) -> Any:
+    """Judge a finished run again, or run a study of the metrics.
+
+    Args:
+        cfg: Composed from ``conf/evaluate.yaml``.
+
+    Raises:
+        ConfigError: Neither ``run`` nor ``study`` is given, or the run has no checkpoint.
+    """
+    folder = Path(cfg.run_dir)
+    if cfg.run is None and OmegaConf.select(cfg, "study_task") is None:
+        raise ConfigError(
+            "say what to evaluate",
+            "python evaluate.py run=outputs/runs/ID, or python evaluate.py study=fgd_noise",
+        )
+    if cfg.run is None:
+        data = cast(Any, instantiate(cfg.data, _convert_="all"))
+        store = data.prepare_store()
+        encoder = _encoder(store, cfg.metrics)
+        return instantiate(
+            cfg.study_task, store=store, encoder=encoder, split=cfg.split, folder=folder
+        )
+    values = read_record(Path(cfg.run) / "record.json")
+    checkpoint = Path(cfg.run) / "checkpoints" / "best.ckpt"
+    if not values or not checkpoint.is_file():
+        raise ConfigError(
+            f"run={cfg.run}: no record.json with checkpoints/best.ckpt there",
+            "give the folder of a finished run, e.g. outputs/runs/ID",
+        )
+    data = cast(Any, instantiate(values["config"]["data"], _convert_="all"))
+    store = data.prepare_store()
+    model: GestureMethod = instantiate(
+        values["config"]["model"], corpus=store.facts(), _convert_="all"
+    )
+    _load_weights(model, checkpoint)
+    encoder = _encoder(store, cfg.metrics)
+    values["encoder"] = {"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)}
+    values["final"] = {
+        "split": cfg.split,
+        "recordings": evaluate_recordings(model, store, cfg.split, encoder),
+    }
+    values["references"] = reference_rows(store, encoder, cfg.split, cfg.metrics.reference_seed)
+    print(result_table(values))
+    write_json(folder / "evaluation.json", {k: values[k] for k in _EVALUATION_KEYS})
+    return values["final"]
+
+
+_EVALUATION_KEYS = ("id", "model", "data", "ablation", "seed", "encoder", "final", "references")
+
+
+def _encoder(store: Store, metrics: DictConfig) -> GestureEncoder:
+    return encoder_for(store, metrics.encoder, metrics.encoder_epochs, metrics.encoder_seed)
+
+
+def _load_weights(model: LightningModule, path: Path) -> None:
+    checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    model.load_state_dict(checkpoint["state_dict"])
+
+
+def _with_context(node: DictConfig, context: RunContext) -> Callback:
+    """A callback; those of ours are partials that wait for the run's context."""
+    callback = instantiate(node, _convert_="all")
+    return callback(run=context) if isinstance(callback, functools.partial) else callback
+
+
+def _best_checkpoint(trainer: Trainer) -> ModelCheckpoint | None:
+    for callback in trainer.checkpoint_callbacks:
+        if isinstance(callback, ModelCheckpoint) and callback.monitor is not None:
+            return callback
+    return None
+
+
+def _checkpoint(cfg: DictConfig, folder: Path) -> str | None:
+    """The checkpoint to continue from, if any."""
+    if cfg.ckpt_path is None:
+        return None
+    if cfg.ckpt_path != "last":
+        path = Path(cfg.ckpt_path)
+        if not path.is_file():
+            raise ConfigError(f"ckpt_path={path}: no such file", "give a .ckpt file, or `last`")
+        return str(path)
+    last = folder / "checkpoints" / "last.ckpt"
+    if last.is_file():
+        logger.info("continuing from %s", last)
+        return str(last)
+    logger.info("no checkpoint yet in %s: starting from the beginning", folder)
+    return None
+
+
+def _limit(batches: Any) -> int | None:
+    """In a debug run that limits test batches, as many whole recordings."""
+    return batches if isinstance(batches, int) else None
+
+
+class _timed:
+    """Adds the seconds inside to the record, whatever happens there."""
+
+    def __init__(self, record: RunRecord, name: str) -> None:
+        self.record, self.name = record, name
+
+    def __enter__(self) -> None:
+        self.start = time.perf_counter()
+
+    def __exit__(self, *error: object) -> None:
+        self.record.add_timing(self.name, time.perf_counter() - self.start)
+
+
+def _resume_command() -> str:
+    arguments = [a for a in sys.argv[1:] if not a.startswith("ckpt_path=")]
+    return " ".join(["python", Path(sys.argv[0]).name, *arguments, "ckpt_path=last"])
+
+
+# Run folders ---------------------------------------------------------------------------------
+
+
+def run_folder(parent: str, prefix: str, checkpoint: str | None) -> str:
+    """The run's folder: a new one, or with ``ckpt_path=last`` the newest that matches.
+
+    A multirun sweeps inside its own folder, so there the name alone is returned.
+
+    Args:
+        parent: Folder that holds the runs.
+        prefix: ``<model>-<data>-<ablation>-s<seed>``.
+        checkpoint: The config's ``ckpt_path``.
+    """
+    folder = Path(parent)
+    in_sweep = folder.parent.name == "studies"
+    if checkpoint == "last":
+        found = sorted(
+            path.parent for path in folder.glob(f"{prefix}-*/record.json")
+            if path.parent.name.removeprefix(prefix + "-").replace("-", "").isdigit()
+        )
+        if found:
+            return found[-1].name if in_sweep else str(found[-1])
+        if not in_sweep:
+            raise ConfigError(
+                f"ckpt_path=last: no run {prefix}-* in {folder}",
+                "start it without ckpt_path, or give the checkpoint's file",
+            )
+    name = f"{prefix}-{datetime.now():%Y%m%d-%H%M%S-%f}"
+    return name if in_sweep else str(folder / name)
+
+
+OmegaConf.register_new_resolver("run_folder", run_folder, use_cache=True)
+
+
+# Command lines -------------------------------------------------------------------------------
+
+
+def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
+    """Run a task; errors meant for the user are printed without a traceback.
+
+    In a multirun they go on up, so that Hydra counts the job as failed and runs the others.
+    """
+    # Lightning's start-up lines (devices, an advertisement) would bury ours.
+    logging.getLogger("lightning.pytorch.utilities.rank_zero").setLevel(logging.WARNING)
+    torch.set_float32_matmul_precision("high")
+    try:
+        return task(cfg)
+    except RunInterrupted as error:
+        print(f"\n{error}", file=sys.stderr)
+        sys.exit(130)
+    except CospeechError as error:
+        if OmegaConf.select(cfg, "study") is not None:
+            raise
+        print(f"\nerror: {error}", file=sys.stderr)
+        sys.exit(1)

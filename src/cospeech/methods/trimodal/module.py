@@ -1,0 +1,369 @@
+"""Gesture generation from the trimodal context of text, audio and speaker (Yoon et al. 2020)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, ClassVar, Literal, cast, get_args
+
+import torch
+from lightning.pytorch.core.optimizer import LightningOptimizer
+from torch import Tensor, nn
+
+from cospeech.adversarial.adversary import Adversary
+from cospeech.adversarial.losses import NON_SATURATING
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.facts import CorpusFacts
+from cospeech.corpus.windows import WindowSpec
+from cospeech.errors import ConfigError, CospeechError, InputFileError
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.trimodal.chunks import seed_input, spread_words
+from cospeech.methods.trimodal.losses import (
+    diversity_loss,
+    reconstruction_loss,
+    style_divergence,
+)
+from cospeech.methods.trimodal.networks import (
+    Context,
+    ConvDiscriminator,
+    Generator,
+    Style,
+)
+from cospeech.methods.trimodal.synthesis import (
+    SynthesisOptions,
+    Synthesiser,
+    draw_noise,
+    draw_speakers,
+)
+from cospeech.motion.codecs import DirectionVectorCodec
+from cospeech.motion.motion import Motion
+from cospeech.speech.speech import Speech
+from cospeech.speech.vocabulary import Vocabulary
+from cospeech.speech.word_vectors import load_word_vectors
+
+WordEmbedding = Literal["fine_tune", "frozen", "scratch"]
+
+
+class Trimodal(GestureMethod):
+    """GAN of Yoon et al. 2020: text, audio and a style embedding of speakers to upper-body motion.
+
+    Defaults are the published code's, quirks included (the README lists them); each argument that
+    defaults to False turns one quirk off.
+
+    Reads positions, audio, words and speakers. Logs, unweighted, ``train/huber``,
+    ``train/diversity``, ``train/kld``, ``train/adversarial``, ``train/discriminator`` and the
+    weighted sum ``train/loss``.
+
+    Args:
+        corpus: Vocabulary, speakers and statistics of the training corpus.
+        context: Modalities that reach the generator. With ``"text"`` word timing is dropped and the
+            words of a window are spread evenly, as in the published ablation.
+        style: ``"speaker"`` learns a style space, ``"random"`` draws styles from N(0, I),
+            ``"none"`` has no style input.
+        style_size: Numbers per style vector (16 in the code, 8 in the paper).
+        hidden_size: Width of the generator's GRU and text convolutions.
+        layers: GRU layers and text blocks.
+        dropout: Between GRU layers, inside text blocks and in the discriminator's GRU.
+        embedding_dropout: On word vectors.
+        word_embedding: ``"fine_tune"`` or ``"frozen"`` pre-trained vectors, or ``"scratch"``.
+        word_vectors: fastText file (.bin or .vec) to start from, read when training starts; None
+            starts from N(0, 1/300).
+        huber_weight: Weight of the reconstruction loss.
+        adversarial_weight: Weight of the adversarial loss.
+        diversity_weight: Weight of the diversity loss; 0 switches the KLD off too, as published.
+        kld_weight: Weight of the KL divergence of the style space.
+        adversarial_start_epoch: First epoch, counted from 0, with the adversary (the code compares
+            ``epoch > 10``: 11 warm-up epochs where the paper says 10).
+        learning_rate: Adam's rate for encoders and generator.
+        discriminator_learning_rate: Adam's rate for the discriminator.
+        betas: Adam's betas.
+        corrected_activations: Real leaky ReLU where the published code has the identity.
+        mean_style: Use the mean style outside training instead of a sample.
+        fixed_style: One style sample per utterance instead of one per chunk.
+        unit_length: Normalise generated direction vectors, so that bones keep their length.
+        trained_speakers_only: Never draw the untrained row 0 when no speaker is asked for.
+        fold_case: Normalise transcripts as the corpus was before looking words up.
+
+    Raises:
+        ConfigError: A value that is not among the choices, or a word vector file with
+            ``word_embedding="scratch"``.
+    """
+
+    window = WindowSpec(fps=15.0, frames=34, seed_frames=4, stride=10)
+    needs: ClassVar[frozenset[str]] = frozenset({"positions", "audio", "words", "speakers"})
+
+    def __init__(
+        self,
+        corpus: CorpusFacts,
+        context: Context = "both",
+        style: Style = "speaker",
+        style_size: int = 16,
+        hidden_size: int = 300,
+        layers: int = 4,
+        dropout: float = 0.3,
+        embedding_dropout: float = 0.1,
+        word_embedding: WordEmbedding = "fine_tune",
+        word_vectors: str | None = None,
+        huber_weight: float = 500.0,
+        adversarial_weight: float = 5.0,
+        diversity_weight: float = 0.05,
+        kld_weight: float = 0.1,
+        adversarial_start_epoch: int = 11,
+        learning_rate: float = 5e-4,
+        discriminator_learning_rate: float = 1e-4,
+        betas: tuple[float, float] = (0.5, 0.999),
+        corrected_activations: bool = False,
+        mean_style: bool = False,
+        fixed_style: bool = False,
+        unit_length: bool = False,
+        trained_speakers_only: bool = False,
+        fold_case: bool = False,
+    ) -> None:
+        super().__init__()
+        _check_choice("context", context, get_args(Context))
+        _check_choice("style", style, get_args(Style))
+        _check_choice("word_embedding", word_embedding, get_args(WordEmbedding))
+        if word_embedding == "scratch" and word_vectors is not None:
+            raise ConfigError(
+                "word_embedding=scratch starts from no vectors, but word_vectors names a file",
+                "drop word_vectors, or choose fine_tune or frozen",
+            )
+        self.save_hyperparameters(logger=False)
+        self.context, self.style = context, style
+        self.word_vectors = word_vectors
+        self.huber_weight = huber_weight
+        self.diversity_weight = diversity_weight
+        self.kld_weight = kld_weight
+        self.learning_rate = learning_rate
+        self.discriminator_learning_rate = discriminator_learning_rate
+        self.betas = betas
+        self.options = SynthesisOptions(
+            mean_style=mean_style,
+            fixed_style=fixed_style,
+            unit_length=unit_length,
+            trained_speakers_only=trained_speakers_only,
+            fold_case=fold_case,
+        )
+        self.vocabulary = Vocabulary(corpus["words"])
+        self.speakers = list(corpus["speakers"])
+        self.codec = DirectionVectorCodec(
+            list(corpus["mean_direction"]), list(corpus["bone_lengths"])
+        )
+        self.generator = Generator(
+            len(self.vocabulary),
+            len(self.speakers),
+            style_size=style_size,
+            hidden_size=hidden_size,
+            layers=layers,
+            dropout=dropout,
+            embedding_dropout=embedding_dropout,
+            context=context,
+            style=style,
+            corrected_activations=corrected_activations,
+        )
+        embedding = self.generator.text_encoder.embedding
+        if word_embedding != "scratch":
+            nn.init.normal_(embedding.weight, 0, embedding.embedding_dim**-0.5)
+        embedding.weight.requires_grad_(word_embedding != "frozen")
+        self.adversary = Adversary(
+            ConvDiscriminator(
+                self.window.frames, dropout=dropout, corrected_activations=corrected_activations
+            ),
+            NON_SATURATING,
+            weight=adversarial_weight,
+            start_epoch=adversarial_start_epoch,
+        )
+
+    def setup(self, stage: str) -> None:
+        """Read the word vectors before a new training; a resumed one has them in its checkpoint."""
+        if stage == "fit" and self.word_vectors is not None and self.trainer.ckpt_path is None:
+            weight = self.generator.text_encoder.embedding.weight
+            vectors = load_word_vectors(self.word_vectors, self.vocabulary.words, seed=0)
+            if vectors.shape != weight.shape:
+                raise InputFileError(
+                    self.word_vectors,
+                    f"vectors of {vectors.shape[1]} numbers, the method uses {weight.shape[1]}",
+                    hint="use 300-dimensional vectors such as crawl-300d-2M-subword",
+                )
+            weight.data.copy_(torch.from_numpy(vectors))
+
+    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
+        """Adam for the generator with its encoders, Adam for the discriminator."""
+        return [
+            torch.optim.Adam(self.generator.parameters(), self.learning_rate, self.betas),
+            torch.optim.Adam(
+                self.adversary.parameters(), self.discriminator_learning_rate, self.betas
+            ),
+        ]
+
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> None:
+        """One discriminator and one generator update from one shared generator pass (spec 2.2)."""
+        generator_optimizer, discriminator_optimizer = cast(
+            list[LightningOptimizer], self.optimizers()
+        )
+        target = self.codec.encode(batch.require("positions"))
+        seed_poses = seed_input(target[:, : self.window.seed_frames], self.window.frames)
+        speakers = batch.require("speakers")
+        playing = self.adversary.is_active(self.current_epoch)
+        self.generator.audio_encoder.count_passes(
+            1 + playing + (self.style != "none" and self.diversity_weight > 0)
+        )
+        speech = self._encode_speech(batch)
+        z, posterior = self.generator.draw_style(speakers, self._style_noise(len(batch)))
+        poses = self.generator.decode(seed_poses, speech, z)
+        logs = {}
+
+        if playing:
+            own_loss = self.adversary.own_loss(target, poses)
+            discriminator_optimizer.zero_grad()
+            self.manual_backward(own_loss)
+            discriminator_optimizer.step()
+            logs["train/discriminator"] = own_loss
+
+        huber = reconstruction_loss(poses, target)
+        loss = self.huber_weight * huber
+        logs["train/huber"] = huber
+        # Evaluated in every epoch, as published: it moves the discriminator's running statistics.
+        felt = playing and self.adversary.weight > 0
+        with torch.set_grad_enabled(felt):
+            adversarial = self.adversary.generator_loss(poses if felt else poses.detach())
+        if felt:
+            loss = loss + self.adversary.weight * adversarial
+        logs["train/adversarial"] = adversarial
+        if z is not None:
+            felt = self.diversity_weight > 0
+            with torch.set_grad_enabled(felt):
+                diversity = self._diversity(poses, seed_poses, speech, z, speakers)
+                logs["train/diversity"] = diversity
+                if felt:
+                    loss = loss + self.diversity_weight * diversity
+            if posterior is not None:
+                kld = style_divergence(posterior.mu, posterior.logvar)
+                logs["train/kld"] = kld
+                if felt and self.kld_weight > 0:
+                    loss = loss + self.kld_weight * kld
+        generator_optimizer.zero_grad()
+        self.manual_backward(loss)
+        generator_optimizer.step()
+        logs["train/loss"] = loss
+        self.log_dict(
+            {name: value.detach() for name, value in logs.items()},
+            on_step=False,
+            on_epoch=True,
+            batch_size=len(batch),
+        )
+
+    def _diversity(
+        self, poses: Tensor, seed_poses: Tensor, speech: Tensor, z: Tensor, speakers: Tensor
+    ) -> Tensor:
+        """Diversity loss against other styles: another item's speaker, and a new draw.
+
+        No gradient passes through the second decoding, so it builds no graph.
+        """
+        with torch.no_grad():
+            others = speakers[self._permutation(len(speakers))]
+            other_z, _ = self.generator.draw_style(others, self._style_noise(len(speakers)))
+            assert other_z is not None
+            other_poses = self.generator.decode(seed_poses, speech, other_z)
+        return diversity_loss(poses, other_poses, z, other_z)
+
+    def _style_noise(self, count: int) -> Tensor:
+        return torch.randn(count, self.generator.style_size, device=self.device)
+
+    def _permutation(self, count: int) -> Tensor:
+        return torch.randperm(count, device=self.device)
+
+    def _encode_speech(self, batch: GestureBatch) -> Tensor:
+        words = batch.require("words")
+        if self.context == "text":
+            words = spread_words(words)
+        return self.generator.encode_speech(words, batch.require("audio"))
+
+    @torch.no_grad()
+    def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
+        """One window per item from its real seed poses (spec 4.1).
+
+        A known speaker keeps their own style; an unknown one (id 0) gets a random training
+        speaker's, as every item does in the published evaluation. Seed frames are generated too.
+        """
+        seeds = self.codec.encode(batch.require("positions")[:, : self.window.seed_frames])
+        speakers = batch.require("speakers")
+        drawn = draw_speakers(len(batch), min(1, len(self.speakers)), len(self.speakers), generator)
+        speakers = torch.where(speakers > 0, speakers, drawn.to(speakers.device))
+        noise = None
+        if not self.options.mean_style:
+            noise = draw_noise(len(batch), self.generator.style_size, generator).to(self.device)
+        with self._evaluating():
+            z, _ = self.generator.draw_style(speakers, noise)
+            poses = self.generator.decode(
+                seed_input(seeds, self.window.frames), self._encode_speech(batch), z
+            )
+        return self.codec.decode(poses, unit_length=self.options.unit_length)
+
+    def generate(
+        self,
+        speech: Speech,
+        speaker: str | None = None,
+        seed_motion: Motion | None = None,
+        controls: dict[str, Any] | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Motion:
+        """Motion for speech of any length, chunk by chunk (section 3.3; spec 5).
+
+        Chunks of 34 frames start every 30; each takes the last four frames of the one before as
+        seeds, and the overlap is blended. Without a transcript the words are padding.
+
+        Args:
+            speech: Waveform and words.
+            speaker: A training speaker's name; None draws one unless a control is given.
+            seed_motion: Upper-body motion at 15 fps, facing +z, whose last four frames are
+                continued; None starts without seeds, as published.
+            controls: ``{"style": [16 numbers]}``, a point in the style space, or
+                ``{"speaker_mix": {"a": 0.3, "b": 0.7}}``, an interpolation between speakers.
+            generator: Source of every random draw; None seeds one with 0.
+
+        Returns:
+            ``ceil(duration * 15)`` frames, root-relative.
+
+        Raises:
+            CospeechError: An unknown speaker or control, an unusable seed motion, or a waveform
+                with NaN.
+        """
+        if generator is None:
+            generator = torch.Generator().manual_seed(0)
+        with self._evaluating():
+            synthesise = Synthesiser(
+                self.generator,
+                self.codec,
+                self.window,
+                self.vocabulary,
+                self.speakers,
+                self.options,
+            )
+            return synthesise(speech, speaker, seed_motion, controls, generator)
+
+    @torch.no_grad()
+    def style_vectors(self) -> Tensor:
+        """Mean style of each training speaker, ``(speakers, style_size)``, in corpus order.
+
+        Raises:
+            CospeechError: The model was trained without speakers.
+        """
+        if self.style != "speaker":
+            raise CospeechError(f"this model knows no speakers (style={self.style})")
+        ids = torch.arange(1, len(self.speakers) + 1, device=self.device)
+        return self.generator.style_posterior(ids).mu
+
+    @contextmanager
+    def _evaluating(self) -> Iterator[None]:
+        training = self.generator.training
+        self.generator.eval()
+        try:
+            yield
+        finally:
+            self.generator.train(training)
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ConfigError(f"{name}={value!r} is not one of {', '.join(choices)}")

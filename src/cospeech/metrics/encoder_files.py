@@ -1,0 +1,268 @@
+"""Reading and writing gesture encoders: our own file, and the published checkpoints."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pickle
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.metrics.autoencoder import POSE_SIZE, PoseAutoencoder, flattened_size
+from cospeech.metrics.encoder import EVALUATION_FRAMES, GestureEncoder
+from cospeech.motion.upper_body import TED_AXES
+
+FORMAT = "cospeech.gesture_encoder"
+VERSION = 1
+LARGEST_FILE_BYTES = 64 * 2**20
+"""A published encoder takes about 1 MB; what is far larger is something else."""
+
+_LIGHTNING_NETWORK = "network."
+_OTHER_ENCODER = (
+    "use the auto-encoder published for 34-frame windows with Trimodal Context, or leave"
+    " metrics.encoder empty: one is then trained on the store's training split"
+)
+
+
+def save_encoder(encoder: GestureEncoder, path: str | Path) -> None:
+    """Write an encoder as plain tensors and JSON metadata; the file appears only when complete.
+
+    Args:
+        encoder: What to save.
+        path: File to write; an existing one is replaced.
+    """
+    path = Path(path)
+    metadata = {
+        "format": FORMAT,
+        "version": VERSION,
+        "frames": encoder.frames,
+        "sha256": encoder.sha256,
+        "source": encoder.source,
+    }
+    state = {name: tensor.cpu() for name, tensor in encoder.state_dict().items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            torch.save({"format": FORMAT, "metadata": json.dumps(metadata), "state": state}, file)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def load_encoder(path: str | Path) -> GestureEncoder:
+    """Read an encoder that `save_encoder` wrote.
+
+    Raises:
+        InputFileError: Missing, unsafe, of another kind or version, or changed since it was saved.
+    """
+    return _from_own_file(Path(path), _read(Path(path)))
+
+
+def import_published(
+    checkpoint: str | Path | Mapping[str, Tensor],
+    mean_direction: Sequence[float] | None = None,
+    frames: int = EVALUATION_FRAMES,
+) -> GestureEncoder:
+    """An encoder from a published auto-encoder checkpoint (spec 6), in TED axes.
+
+    Args:
+        checkpoint: A checkpoint file, or the network's bare state dict.
+        mean_direction: 27 numbers in TED axes; None takes those in the file's training arguments,
+            and zeros for a bare state dict.
+        frames: Window length that the encoder is wanted for.
+
+    Raises:
+        InputFileError: The file is missing, unsafe to read, or not such a checkpoint.
+        CospeechError: It was trained on windows of another length or on another skeleton.
+    """
+    if isinstance(checkpoint, Mapping):
+        zeros = [0.0] * POSE_SIZE
+        mean = zeros if mean_direction is None else mean_direction
+        return _assemble("the state dict", checkpoint, mean, TED_AXES, "state dict", frames)
+    path = Path(checkpoint)
+    return _from_published(path, _read(path), mean_direction, frames)
+
+
+def load_any(path: str | Path, frames: int = EVALUATION_FRAMES) -> GestureEncoder:
+    """Read an encoder from any file that holds one.
+
+    Known are our own encoder files, checkpoints of a ``motion_autoencoder`` run, and published
+    checkpoints.
+
+    Args:
+        path: The file.
+        frames: Window length that the encoder is wanted for.
+
+    Raises:
+        InputFileError: The file is missing, unsafe to read, or none of these.
+        CospeechError: Trained on windows of another length or on another skeleton.
+    """
+    path = Path(path)
+    content = _read(path)
+    if content.get("format") == FORMAT:
+        encoder = _from_own_file(path, content)
+        _require_frames(str(path), encoder.frames, frames)
+        return encoder
+    if "pytorch-lightning_version" in content:
+        return _from_run(path, content, frames)
+    return _from_published(path, content, None, frames)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise InputFileError(path, "no such encoder file", hint=_OTHER_ENCODER)
+    size = path.stat().st_size
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            size = max(size, sum(entry.file_size for entry in archive.infolist()))
+    if size > LARGEST_FILE_BYTES:
+        raise InputFileError(
+            path, f"{size / 2**20:.0f} MiB is too large for a gesture encoder", hint=_OTHER_ENCODER
+        )
+    try:
+        # Published files carry their training arguments as an argparse.Namespace.
+        with torch.serialization.safe_globals([argparse.Namespace]):
+            content = torch.load(path, map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
+        reason = str(error).strip().split("\n", 1)[0]
+        raise InputFileError(
+            path, f"not a checkpoint that can be read safely ({reason})", hint=_OTHER_ENCODER
+        ) from error
+    if not isinstance(content, dict):
+        raise InputFileError(path, "holds no encoder", hint=_OTHER_ENCODER)
+    return content
+
+
+def _from_own_file(path: Path, content: dict[str, Any]) -> GestureEncoder:
+    try:
+        metadata = json.loads(content["metadata"])
+        version, saved_hash, source = (metadata[key] for key in ("version", "sha256", "source"))
+        state = dict(content["state"])
+        mean, axes = state.pop("mean_direction"), state.pop("axes")
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputFileError(
+            path, "not an encoder file of ours", hint="metrics.encoder also takes published files"
+        ) from error
+    if version != VERSION:
+        raise InputFileError(
+            path, f"encoder format {version}, this version reads {VERSION}", hint="train it anew"
+        )
+    weights = {name.removeprefix(_LIGHTNING_NETWORK): tensor for name, tensor in state.items()}
+    encoder = _assemble(str(path), weights, mean, axes.tolist(), source, metadata["frames"])
+    if encoder.sha256 != saved_hash:
+        raise InputFileError(
+            path, "its weights don't match the hash saved with them", hint="delete it and retrain"
+        )
+    return encoder
+
+
+def _from_run(path: Path, content: dict[str, Any], frames: int) -> GestureEncoder:
+    state = content.get("state_dict", {})
+    weights = {
+        name.removeprefix(_LIGHTNING_NETWORK): tensor
+        for name, tensor in state.items()
+        if name.startswith(_LIGHTNING_NETWORK)
+    }
+    if "codec.mean_direction" not in state or "decoder.pre_net.0.weight" not in weights:
+        raise InputFileError(
+            path, "a checkpoint of another method than motion_autoencoder", hint=_OTHER_ENCODER
+        )
+    mean, axes = state["codec.mean_direction"], state["codec.axes"].tolist()
+    return _assemble(str(path), weights, mean, axes, path.name, frames)
+
+
+def _from_published(
+    path: Path, content: dict[str, Any], mean_direction: Sequence[float] | None, frames: int
+) -> GestureEncoder:
+    if not isinstance(content.get("gen_dict"), Mapping):
+        raise InputFileError(
+            path, "neither an encoder file nor a published auto-encoder", hint=_OTHER_ENCODER
+        )
+    # What it was trained on is checked before its mean, which only matching files have.
+    network = _sized(str(path), content["gen_dict"], frames)
+    if mean_direction is None:
+        mean_direction = _published_mean(path, content.get("args"))
+    return _fill(str(path), network, content["gen_dict"], mean_direction, TED_AXES, path.name)
+
+
+def _published_mean(path: Path, arguments: object) -> list[float]:
+    nested = getattr(arguments, "mean_dir_vec", None)
+    try:
+        mean = torch.tensor(nested, dtype=torch.float32).flatten()
+    except (TypeError, ValueError, RuntimeError):
+        mean = torch.empty(0)
+    if mean.shape != (POSE_SIZE,) or not mean.isfinite().all():
+        raise InputFileError(
+            path,
+            f"its training arguments hold no mean direction vector of {POSE_SIZE} numbers",
+            place="args.mean_dir_vec",
+            hint="pass mean_direction to import_published",
+        )
+    return mean.tolist()
+
+
+def _assemble(
+    name: str,
+    weights: Mapping[str, Tensor],
+    mean_direction: Sequence[float] | Tensor,
+    axes: Sequence[float],
+    source: str,
+    frames: int,
+) -> GestureEncoder:
+    return _fill(name, _sized(name, weights, frames), weights, mean_direction, axes, source)
+
+
+def _sized(name: str, weights: Mapping[str, Tensor], frames: int) -> PoseAutoencoder:
+    """An empty network of the weights' size, for windows of ``frames``."""
+    try:
+        width = weights["pose_encoder.net.0.0.weight"].shape[1]
+        if width != POSE_SIZE:
+            raise CospeechError(
+                f"{name}: reads {width} numbers a frame, where the nine direction vectors of the"
+                f" evaluation space are {POSE_SIZE}: it was trained on another skeleton",
+                _OTHER_ENCODER,
+            )
+        network = PoseAutoencoder.sized_like(weights)
+    except (KeyError, IndexError, AttributeError) as error:
+        raise CospeechError(
+            f"{name}: not the published motion auto-encoder, {error} is missing", _OTHER_ENCODER
+        ) from error
+    _require_frames(name, network.frames, frames)
+    return network
+
+
+def _fill(
+    name: str,
+    network: PoseAutoencoder,
+    weights: Mapping[str, Tensor],
+    mean_direction: Sequence[float] | Tensor,
+    axes: Sequence[float],
+    source: str,
+) -> GestureEncoder:
+    try:
+        network.load_state_dict(dict(weights))
+    except RuntimeError as error:
+        raise CospeechError(
+            f"{name}: not the published motion auto-encoder: {error}", _OTHER_ENCODER
+        ) from error
+    return GestureEncoder(network, mean_direction, axes, source)
+
+
+def _require_frames(name: str, trained: int, wanted: int) -> None:
+    if trained != wanted:
+        raise CospeechError(
+            f"{name}: trained on windows of {trained} frames. Its first dense layer expects"
+            f" {flattened_size(trained)} numbers, and the windows here, of {wanted} frames, give"
+            f" {flattened_size(wanted)}",
+            _OTHER_ENCODER,
+        )

@@ -1,0 +1,124 @@
+"""Times for words that have none: spread over a phrase, or placed between timed neighbours."""
+
+from __future__ import annotations
+
+import logging
+import statistics
+from collections.abc import Sequence
+from pathlib import Path
+
+from cospeech.errors import InputFileError
+from cospeech.speech.speech import Word
+from cospeech.speech.transcript.entries import Entry
+
+_log = logging.getLogger(__name__)
+
+_TYPICAL_LETTER_S = 0.07  # English at about 180 words per minute; used when no word is timed
+
+
+def letters(text: str) -> int:
+    """Letters and digits in a text: what its duration is taken to be proportional to."""
+    return sum(character.isalnum() for character in text)
+
+
+def spread_text(text: str, start: float, end: float) -> tuple[Word, ...]:
+    """Words of a text spread over an interval without gaps, in proportion to their letters.
+
+    Tokens without a letter or digit (dashes, notes) are dropped.
+
+    Args:
+        text: Words separated by white space.
+        start: Where the first word starts, s.
+        end: Where the last word ends, s.
+    """
+    words = [word for word in text.split() if letters(word)]
+    total = sum(letters(word) for word in words)
+    spread, before = [], 0
+    for word in words:
+        after = before + letters(word)
+        spread.append(
+            Word(
+                word,
+                start + (end - start) * before / total,
+                start + (end - start) * after / total,
+            )
+        )
+        before = after
+    return tuple(spread)
+
+
+def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
+    """Give every entry a start and an end.
+
+    Words an aligner could not find share the gap between their timed neighbours in proportion to
+    their letters (a single one takes its neighbours' times, as the published code does). Before the
+    first and after the last timed word they are laid out at the transcript's median pace.
+
+    Args:
+        path: For messages.
+        entries: In spoken order.
+
+    Raises:
+        InputFileError: No entry has a time.
+    """
+    filled = list(entries)
+    is_timed = [entry.start is not None and entry.end is not None for entry in entries]
+    if all(is_timed):
+        return filled
+    if not any(is_timed):
+        raise InputFileError(
+            path,
+            "no word in it has a time",
+            hint="align the text with the audio (e.g. with the Montreal Forced Aligner), or give "
+            "the text as a .txt file to have it spread over the audio",
+        )
+    _log.warning(
+        "%s: %d of %d words have no time; placed by their neighbours",
+        path,
+        is_timed.count(False),
+        len(entries),
+    )
+    pace = _median_letter_s(entries)
+    first = 0
+    while first < len(entries):
+        if is_timed[first]:
+            first += 1
+            continue
+        stop = first
+        while stop < len(entries) and not is_timed[stop]:
+            stop += 1
+        run = entries[first:stop]
+        length = pace * sum(max(1, letters(entry.text)) for entry in run)
+        before = entries[first - 1].end if first else None
+        after = entries[stop].start if stop < len(entries) else None
+        # at least one neighbour is timed, else this line would not be reached
+        start = before if before is not None else max(0.0, (after or 0.0) - length)
+        end = after if after is not None else start + length
+        filled[first:stop] = _share(run, start, max(start, end))
+        first = stop
+    return filled
+
+
+def _share(run: Sequence[Entry], start: float, end: float) -> list[Entry]:
+    """The run laid out over [start, end]; the one time an entry does have is kept."""
+    weights = [max(1, letters(entry.text)) for entry in run]
+    shared, before = [], 0
+    for entry, weight in zip(run, weights, strict=True):
+        share_start = start + (end - start) * before / sum(weights)
+        before += weight
+        share_end = start + (end - start) * before / sum(weights)
+        if entry.start is not None:
+            share_start, share_end = entry.start, max(entry.start, share_end)
+        elif entry.end is not None:
+            share_start, share_end = min(entry.end, share_start), entry.end
+        shared.append(Entry(entry.text, share_start, share_end, entry.place))
+    return shared
+
+
+def _median_letter_s(entries: Sequence[Entry]) -> float:
+    paces = [
+        (entry.end - entry.start) / max(1, letters(entry.text))
+        for entry in entries
+        if entry.start is not None and entry.end is not None and entry.end > entry.start
+    ]
+    return statistics.median(paces) if paces else _TYPICAL_LETTER_S

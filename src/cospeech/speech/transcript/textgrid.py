@@ -1,0 +1,153 @@
+"""Praat TextGrid files, long and short form."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cospeech.errors import InputFileError
+from cospeech.speech.transcript.entries import Entries, Entry, is_spoken
+
+# Praat reads its text files as a sequence of free-standing numbers, quoted strings and <flags>;
+# everything else is decoration. So the long and the short form are one format. (praatio 6.2 was
+# tried: it drops minus signs, refuses 5e-05, and stops silently at the first broken entry.)
+_TOKEN = re.compile(
+    r"""(?m)^[ \t]*!.*$                                               # comment
+    | (?P<string>"(?:[^"]|"")*")
+    | (?P<flag><\w+>)
+    | (?<!\S)(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?!\S)
+    | (?P<open>")""",
+    re.VERBOSE,
+)
+_MAX_ENTRIES = 1_000_000
+
+
+@dataclass
+class _Tier:
+    name: str
+    entries: list[Entry] = field(default_factory=list)
+
+
+def parse_textgrid(path: Path, text: str) -> Entries:
+    """Entries of the tier that holds the words.
+
+    That is the interval tier called "words" or "word" (any case, also "speaker - words" and
+    "ORT-MAU"), else the only interval tier; an only tier whose labels hold several words is taken
+    as phrases.
+
+    Raises:
+        InputFileError: Broken, or it's not clear which tier is meant.
+    """
+    tier = _words_tier(path, _interval_tiers(path, text))
+    labels = (entry.text.strip() for entry in tier.entries)
+    return Entries(
+        tuple(tier.entries),
+        are_phrases=not _is_word_tier(tier.name) and any(" " in label for label in labels),
+    )
+
+
+def _is_word_tier(name: str) -> bool:
+    name = name.strip().lower()
+    return name in {"word", "words", "ort", "ort-mau"} or name.endswith(("- words", "- word"))
+
+
+def _words_tier(path: Path, tiers: list[_Tier]) -> _Tier:
+    named = [tier for tier in tiers if _is_word_tier(tier.name)]
+    if not named and len(tiers) == 1:
+        return tiers[0]
+    spoken = [tier for tier in named if any(is_spoken(entry.text) for entry in tier.entries)]
+    if len(spoken) == 1 or (named and not spoken):
+        return (spoken or named)[0]
+    names = ", ".join(repr(tier.name) for tier in tiers) or "none"
+    if not named:
+        raise InputFileError(
+            path,
+            f"no interval tier is called 'words' (tiers: {names})",
+            hint="rename the tier that holds the words to 'words'",
+        )
+    raise InputFileError(
+        path,
+        f"several tiers hold words (tiers: {names})",
+        hint="one file per speaker is expected: remove the other speakers' tiers",
+    )
+
+
+class _Tokens:
+    """The tokens of a text, with the line each stands on."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self._path = path
+        self._text = text
+        self._matches = self._tokens()
+        self._position = self._line_end = 0
+        self.line = 1
+
+    def _tokens(self) -> Iterator[re.Match[str]]:
+        for match in _TOKEN.finditer(self._text):
+            if match.lastgroup is not None:
+                yield match
+
+    def next(self, kind: str, what: str) -> str:
+        match = next(self._matches, None)
+        if match is None:
+            raise InputFileError(
+                self._path,
+                f"the file ends where {what} should stand",
+                place=f"line {self._text.count(chr(10)) + 1}",
+                hint="the file is cut off: copy or export it again",
+            )
+        self.line += self._text.count("\n", self._position, match.start())
+        self._position = match.start()
+        if match.lastgroup != kind:
+            raise InputFileError(
+                self._path,
+                f"expected {what}, found {match.group()[:40]!r}",
+                place=f"line {self.line}",
+                hint="open the file in Praat and save it again as a text file",
+            )
+        return match.group()
+
+    def string(self, what: str) -> str:
+        return self.next("string", what)[1:-1].replace('""', '"')
+
+    def number(self, what: str) -> float:
+        return float(self.next("number", what))
+
+    def count(self, what: str) -> int:
+        value = self.number(what)
+        if not (value.is_integer() and 0 <= value <= _MAX_ENTRIES):
+            raise InputFileError(self._path, f"{what} is {value:g}", place=f"line {self.line}")
+        return int(value)
+
+
+def _interval_tiers(path: Path, text: str) -> list[_Tier]:
+    tokens = _Tokens(path, text)
+    for expected in ("ooTextFile", "TextGrid"):
+        found = tokens.string(f'"{expected}"')
+        if not found.startswith(expected):
+            raise InputFileError(
+                path,
+                f"is not a TextGrid in text form: it says {found[:40]!r}, not {expected!r}",
+                place=f"line {tokens.line}",
+                hint="in Praat: select the TextGrid, Save as text file",
+            )
+    tokens.number("the start time")
+    tokens.number("the end time")
+    if tokens.next("flag", "<exists>") != "<exists>":
+        raise InputFileError(path, "has no tiers", hint="save the TextGrid with a 'words' tier")
+    tiers = []
+    for _ in range(tokens.count("the number of tiers")):
+        kind = tokens.string("a tier class")
+        tier = _Tier(tokens.string("a tier name"))
+        tokens.number("the tier's start time")
+        tokens.number("the tier's end time")
+        for _ in range(tokens.count("the number of intervals")):
+            start = tokens.number("a start time")
+            place = f"line {tokens.line}"
+            end = tokens.number("an end time") if kind == "IntervalTier" else start
+            tier.entries.append(Entry(tokens.string("a label"), start, end, place))
+        if kind == "IntervalTier":
+            tiers.append(tier)
+    return tiers

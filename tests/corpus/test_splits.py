@@ -1,0 +1,49 @@
+from collections import Counter
+
+import pytest
+
+from cospeech.corpus.splits import Span, split_recordings, time_blocks
+from cospeech.errors import ConfigError
+
+SPEAKERS = [f"s{i % 8}" for i in range(40)]
+
+
+def test_recordings_are_held_out_of_speakers_that_train():
+    names = split_recordings(SPEAKERS, 0.1, 0.1, seed=3)
+    assert Counter(names) == {"train": 32, "val": 4, "test": 4}
+    training = {speaker for speaker, name in zip(SPEAKERS, names, strict=True) if name == "train"}
+    assert training == set(SPEAKERS)
+
+
+def test_speakers_are_held_out_whole():
+    names = split_recordings(SPEAKERS, 0.125, 0.125, seed=3, held_out="speakers")
+    sides = {
+        split: {s for s, name in zip(SPEAKERS, names, strict=True) if name == split}
+        for split in ("train", "val", "test")
+    }
+    assert [len(sides[split]) for split in ("train", "val", "test")] == [6, 1, 1]
+    assert not sides["train"] & sides["val"]
+    assert not sides["train"] & sides["test"]
+
+
+def test_the_same_seed_gives_the_same_split():
+    assert split_recordings(SPEAKERS, 0.1, 0.1, 5) == split_recordings(SPEAKERS, 0.1, 0.1, 5)
+    assert split_recordings(SPEAKERS, 0.1, 0.1, 5) != split_recordings(SPEAKERS, 0.1, 0.1, 6)
+
+
+def test_two_recordings_cannot_be_split_in_three():
+    with pytest.raises(ConfigError, match="2 recordings") as caught:
+        split_recordings(["a", "b"], 0.1, 0.1, 0)
+    assert "time_blocks" in caught.value.hint
+
+
+def test_time_blocks_cover_a_take_without_overlap():
+    spans = time_blocks([1000, 50], 0.2, 0.1, minimum=34)
+    assert spans["train"] == [Span(0, 0, 700), Span(1, 0, 50)]
+    assert spans["val"] == [Span(0, 700, 900)]
+    assert spans["test"] == [Span(0, 900, 1000)]
+
+
+def test_takes_too_short_for_blocks_are_an_error():
+    with pytest.raises(ConfigError, match="34 frames"):
+        time_blocks([60], 0.2, 0.2, minimum=34)

@@ -1,0 +1,219 @@
+"""The evaluation space, a system's row and the reference rows."""
+
+import json
+import logging
+
+import numpy as np
+import pytest
+import torch
+
+from cospeech.metrics import protocol
+from cospeech.metrics.autoencoder import PoseAutoencoder
+from cospeech.metrics.encoder import GestureEncoder
+from cospeech.metrics.encoder_files import load_any
+from cospeech.metrics.fgd import FrechetGestureDistance
+from cospeech.metrics.noise_study import LEVELS, NoiseRow, plot_noise_study, run_noise_study
+from cospeech.motion.codecs import DirectionVectorCodec
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.upper_body import UPPER_BODY
+
+BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
+
+
+def ramp(frames, fps):
+    """Joint j's x is the time in seconds plus j."""
+    positions = np.zeros((frames, 10, 3), dtype=np.float32)
+    positions[..., 0] = np.arange(frames)[:, None] / fps + np.arange(10)
+    return Motion(UPPER_BODY, fps, positions)
+
+
+@pytest.mark.parametrize("fps", [15.0, 20.0, 30.0, 120.0])
+def test_windows_lie_on_the_grid_at_any_rate(fps):
+    # 5.2 s hold 78 frames at 15 fps; starts 0, 10, 20, 30, 40 leave room for 34 frames.
+    windows = protocol.to_evaluation_windows(ramp(round(5.2 * fps), fps))
+    assert windows.shape == (5, 34, 10, 3)
+    times = (10 * torch.arange(5)[:, None] + torch.arange(34)) / 15
+    torch.testing.assert_close(windows[:, :, 3, 0], times + 3, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize(("frames", "count"), [(33, 0), (34, 1), (43, 1), (44, 2)])
+def test_only_full_windows_count(frames, count):
+    assert len(protocol.to_evaluation_windows(ramp(frames, 15.0))) == count
+
+
+def test_other_skeletons_are_refused():
+    arm = Skeleton("arm", ("shoulder", "elbow"), (-1, 0))
+    motion = Motion(arm, 15.0, np.zeros((40, 2, 3), dtype=np.float32))
+    with pytest.raises(ValueError, match="not skeleton arm"):
+        protocol.to_evaluation_windows(motion)
+
+
+@pytest.mark.parametrize("sizes", [(5, 5, 5), (1, 9, 10), (3, 1, 4, 1, 5, 9, 2, 6), (4, 4)])
+def test_mismatch_moves_every_window_to_another_recording(sizes):
+    ids = [recording for recording, size in enumerate(sizes) for _ in range(size)]
+    for seed in range(5):
+        other = protocol._other_recording(ids, torch.Generator().manual_seed(seed))
+        assert sorted(other.tolist()) == list(range(len(ids)))
+        assert all(ids[i] != ids[j] for i, j in enumerate(other.tolist()))
+
+
+def test_mismatch_within_the_only_recording_still_moves_every_window():
+    other = protocol._other_recording(["a"] * 7, torch.Generator().manual_seed(0))
+    assert sorted(other.tolist()) == list(range(7))
+    assert all(i != j for i, j in enumerate(other.tolist()))
+
+
+def test_halves_share_no_recording_and_are_about_equal():
+    ids = [recording for recording in range(12) for _ in range(5 + recording % 3)]
+    mask = protocol._halves(ids, torch.Generator().manual_seed(0))
+    sides = [{ids[i] for i in side.nonzero().flatten().tolist()} for side in (mask, ~mask)]
+    assert not sides[0] & sides[1]
+    assert abs(mask.float().mean().item() - 0.5) < 0.06
+    assert protocol._halves(["a"] * 9, torch.Generator().manual_seed(0)) is None
+
+
+def ted_culture(folder):
+    """Windows of real speakers and of a published model, and the recording of each.
+
+    The set looks along -z with y down and has no head top; the published mean direction stands in
+    for that bone. Each frame is turned to face forward.
+    """
+    codec = DirectionVectorCodec([0.0] * 27, BONES)
+    real, model, ids = [], [], []
+    for path in sorted(folder.glob("*.npz")):
+        with np.load(path) as clip:
+            for name, into in (("human_dir_vec", real), ("model_out_dir_vec", model)):
+                frames = min(len(clip["human_dir_vec"]), len(clip["model_out_dir_vec"]))
+                vectors = torch.from_numpy(clip[name][:frames]).float().view(-1, 42, 3)
+                vectors = vectors * torch.tensor([1.0, -1.0, -1.0])
+                across = vectors[:, 1] - vectors[:, 2]
+                yaw = torch.atan2(across[:, 2], across[:, 0])[:, None]
+                x, y, z = vectors.unbind(-1)
+                turned = (x * yaw.cos() + z * yaw.sin(), y, z * yaw.cos() - x * yaw.sin())
+                vectors = torch.stack(turned, -1)
+                head = torch.tensor([0.0035, 0.8755, -0.4121]).expand(frames, 3)
+                bones = [vectors[:, k] for k in (0, 37, 1, 3, 4, 2, 20, 21)]
+                bones.insert(2, head)
+                positions = codec.decode(torch.stack(bones, 1).flatten(1), unit_length=True)
+                windows = protocol.to_evaluation_windows(
+                    Motion(UPPER_BODY, 15.0, positions.numpy())
+                )
+                into.append(windows)
+        ids += [path.stem] * len(windows)
+    return torch.cat(real), torch.cat(model), ids
+
+
+@pytest.fixture(scope="module")
+def people(shared):
+    return ted_culture(shared / "data/real/ted_culture")
+
+
+@pytest.fixture(scope="module")
+def published(shared):
+    return load_any(
+        shared / "data/real/checkpoints/trimodal_h36m_gesture_autoencoder_34f.bin"
+    )
+
+
+def test_published_encoder_knows_real_people_in_our_axes_only(published, people):
+    """Reconstruction halves the distance from the mean pose; no mirrored pose comes close."""
+    positions = people[0]
+
+    def error(signs):
+        features = published.to_features(positions * torch.tensor(signs))
+        return (published.reconstruct(features) - features).abs().mean().item()
+
+    ours = error((1.0, 1.0, 1.0))
+    assert ours < 0.6 * published.to_features(positions).abs().mean().item()
+    for signs in ((-1.0, 1, 1), (1.0, -1, 1), (1.0, 1, -1), (-1.0, -1, 1), (-1.0, 1, -1)):
+        assert error(signs) > 3 * ours
+
+
+def test_rows_of_real_people(published, people):
+    real, model, ids = people
+    rows = protocol.reference_rows(published, real.split(50), real, ids)
+    rows["model"] = protocol.paired_row(published, model, real, ids)
+    assert json.loads(json.dumps(rows)) == rows
+
+    assert rows["real_train"]["fgd"] == pytest.approx(0, abs=1e-9)
+    assert rows["real_halves"]["windows"] + rows["real_halves"]["windows_real"] == len(real)
+    # A published model moves more like people than a motionless or a dislocated body does, and
+    # its motion is nearer to this speaker's than another speaker's motion is.
+    assert rows["model"]["fgd"] < rows["noise"]["fgd"] < rows["mean_pose"]["fgd"]
+    assert rows["attenuated"]["fgd"] < rows["model"]["fgd"]
+    assert rows["model"]["joint_mae"] < rows["mismatched"]["joint_mae"]
+    # Damping by 0.8 errs by a fifth of what standing still does: both deviate from one mean pose.
+    assert rows["attenuated"]["joint_mae"] == pytest.approx(
+        0.2 * rows["mean_pose"]["joint_mae"], rel=1e-4
+    )
+    # The noise of a window is the same on all its frames, so it has no acceleration.
+    assert rows["noise"]["acceleration_error"] == pytest.approx(0, abs=1e-7)
+    for row in (rows["model"], rows["mean_pose"]):
+        assert row["fgd_low"] <= row["fgd_high"]
+        assert row["recordings"] == 10
+        assert row["fgd"] == pytest.approx(row["fgd_mean_term"] + row["fgd_covariance_term"])
+
+
+def test_row_agrees_with_the_streaming_metric(published, people):
+    real, model, ids = people
+    metric = FrechetGestureDistance(published)
+    for batch in real.split(32):
+        metric.update(batch, real=True)
+    for batch in model.split(32):
+        metric.update(batch, real=False)
+    row = protocol.paired_row(published, model, real, ids)
+    assert metric.compute().item() == pytest.approx(row["fgd"], rel=1e-5)
+
+
+def test_one_recording_gives_the_rows_that_it_can(caplog):
+    encoder = GestureEncoder(PoseAutoencoder(), [0.0] * 27)
+    positions = torch.randn(40, 34, 10, 3, generator=torch.Generator().manual_seed(0))
+    with caplog.at_level(logging.WARNING):
+        rows = protocol.reference_rows(encoder, [positions], positions, ["only"] * 40)
+    assert "real_halves" not in rows
+    assert "fgd_low" not in rows["noise"]
+    assert "no real-versus-real floor" in caplog.text
+    with pytest.raises(ValueError, match="two training and two evaluation windows"):
+        protocol.reference_rows(encoder, [], positions, ["only"] * 40)
+
+
+def test_noise_study_shows_what_the_paper_reports(published, people):
+    """Section 5.2, claim by claim, on other people and through the published encoder."""
+    rows = {(row.disturbance, row.zeta): row for row in run_noise_study(published, people[0])}
+    assert len(rows) == sum(map(len, LEVELS.values()))
+    for name in ("gaussian", "salt_and_pepper", "temporal", "mismatched"):
+        for low, high in zip(LEVELS[name], LEVELS[name][1:], strict=False):
+            assert rows[name, low].fgd < rows[name, high].fgd
+            assert rows[name, low].joint_mae < rows[name, high].joint_mae
+    # "FGD showed larger distances for S&P noise than Gaussian noise, unlike MAEJ"
+    gaussian, peppered = rows["gaussian", 0.001], rows["salt_and_pepper", 0.1]
+    assert peppered.fgd > 2 * gaussian.fgd
+    assert peppered.joint_mae < gaussian.joint_mae
+    # "relatively low values for the temporal noise"
+    assert rows["temporal", 5].fgd < 0.1 * gaussian.fgd
+    # "MAEJ showed similar distances for 0.0 and 2.0, but FGD a much larger one for 0.0"
+    still, exaggerated = rows["multiplicative", 0.0], rows["multiplicative", 2.0]
+    assert still.joint_mae == pytest.approx(exaggerated.joint_mae, rel=1e-4)
+    assert still.fgd > 1.5 * exaggerated.fgd
+    # "for mismatched samples the increase in FGD was smaller than MAEJ"
+    assert rows["mismatched", 1.0].joint_mae > gaussian.joint_mae
+    assert rows["mismatched", 1.0].fgd < 0.2 * gaussian.fgd
+
+
+def test_noise_study_is_drawn(tmp_path):
+    from matplotlib.image import imread
+
+    rows = [NoiseRow("gaussian", zeta, 40 * zeta, 10 * zeta, 30 * zeta, zeta) for zeta in (1, 2)]
+    path = tmp_path / "noise.png"
+    plot_noise_study(rows, path)
+    pixels = imread(path)[..., :3]
+    # One blue and one orange bar's worth of ink at least, and a white ground.
+    for colour in ((0x4C, 0x72, 0xB0), (0xDD, 0x84, 0x52)):
+        assert (np.abs(pixels - np.array(colour) / 255).max(-1) < 0.02).mean() > 0.005
+    assert (pixels == 1).all(-1).mean() > 0.4
+
+
+def test_unknown_disturbances_are_refused(published, people):
+    with pytest.raises(ValueError, match=r"unknown disturbances \['blur'\]"):
+        run_noise_study(published, people[0], levels={"blur": (1.0,)})

@@ -1,0 +1,99 @@
+"""Every yaml on disk composes, and every ablation does something."""
+
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+import cospeech.experiment  # noqa: F401  registers the resolver of run folders
+
+CONF = Path(__file__).resolve().parents[1] / "conf"
+
+
+def names(group: str) -> list[str]:
+    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+def composed(*overrides: str, config: str = "train"):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return compose(config, overrides=list(overrides))
+
+
+def plain(cfg, key: str):
+    return OmegaConf.to_container(cfg[key], resolve=False)
+
+
+@pytest.mark.parametrize("model", names("model"))
+@pytest.mark.parametrize("data", names("data"))
+def test_every_model_composes_with_every_corpus(model, data):
+    cfg = composed(f"model={model}", f"data={data}")
+    assert cfg.model._target_.startswith("cospeech.methods.")
+    assert cfg.data._target_.startswith("data_modules.")
+    assert set(cfg.training) == {"epochs", "batch_size", "monitor", "quick"}
+
+
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [
+        (group, name)
+        for group in ("trainer", "metrics", "callbacks", "logger", "debug")
+        for name in names(group)
+    ],
+)
+def test_every_choice_of_the_other_groups_composes(group, name):
+    composed("model=trimodal", f"{group}={name}")
+
+
+@pytest.mark.parametrize("name", names("experiment"))
+def test_every_experiment_changes_what_it_names(name):
+    model = name.split("_quick")[0]
+    plain_run, changed = composed(f"model={model}"), composed(f"model={model}", f"experiment={name}")
+    assert plain(plain_run, "model") != plain(changed, "model")
+    assert set(plain(plain_run, "model")) == set(plain(changed, "model"))
+
+
+@pytest.mark.parametrize("name", [name for name in names("ablation") if name != "full"])
+def test_every_ablation_key_exists_in_its_model_and_changes_its_value(name):
+    model = name.split("__")[0]
+    control = plain(composed(f"model={model}"), "model")
+    ablated = plain(composed(f"model={model}", f"ablation={name}"), "model")
+    written = OmegaConf.to_container(OmegaConf.load(CONF / "ablation" / f"{name}.yaml"))["model"]
+    assert set(ablated) == set(control)
+    for key, value in written.items():
+        assert ablated[key] == value != control[key]
+
+
+def test_the_control_changes_nothing():
+    assert OmegaConf.load(CONF / "ablation" / "full.yaml") == {}
+
+
+def test_an_ablation_wins_over_an_experiment():
+    cfg = composed("model=trimodal", "experiment=trimodal_quick", "ablation=trimodal__no_audio")
+    assert cfg.model.context == "text"
+    assert cfg.model.hidden_size == 96
+
+
+def test_the_paper_study_sweeps_every_row_over_seeds():
+    study = OmegaConf.load(CONF / "study" / "trimodal_ablations.yaml")
+    assert study.hydra.mode == "MULTIRUN"
+    assert study.hydra.sweeper.params.ablation == "glob([full,trimodal__*])"
+    rows = {"no_text", "no_audio", "no_speaker_id", "no_adversarial", "no_regularisers"}
+    assert {f"trimodal__{row}" for row in rows} <= set(names("ablation"))
+
+
+def test_every_quick_variant_composes():
+    for model in names("model"):
+        quick = composed(f"model={model}").training.quick
+        if quick is not None:
+            composed(*quick.split())
+
+
+def test_the_other_command_lines_compose():
+    assert composed("study=fgd_noise", config="evaluate").study_task._target_
+    assert composed("data=mocap", "data.root=x", config="prepare").data.root == "x"
+
+
+def test_a_misspelt_key_is_refused():
+    with pytest.raises(Exception, match="hiden_size"):
+        composed("model=trimodal", "model.hiden_size=3")
