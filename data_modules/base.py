@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import logging
 from abc import abstractmethod
@@ -44,6 +45,7 @@ class StoreDataModule(LightningDataModule):
         split_seed: Seed of the split; apart from ``seed``, so that runs with other seeds are
             compared on the same split.
         strict: Fail on a bad recording instead of skipping it with a report.
+        max_recordings: Use only so many recordings (debug runs); None for all.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class StoreDataModule(LightningDataModule):
         test_share: float,
         split_seed: int,
         strict: bool,
+        max_recordings: int | None,
     ) -> None:
         super().__init__()
         if split not in ("recordings", "speakers", "time_blocks"):
@@ -67,6 +70,7 @@ class StoreDataModule(LightningDataModule):
         self.batch_size, self.seed = batch_size, seed
         self.split, self.val_share, self.test_share = split, val_share, test_share
         self.split_seed, self.strict = split_seed, strict
+        self.max_recordings = max_recordings
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._window: tuple[WindowSpec, frozenset[str]] | None = None
@@ -96,6 +100,7 @@ class StoreDataModule(LightningDataModule):
             "corpus": self.name,
             "sources": self.sources(),
             "split": [self.split, self.val_share, self.test_share, self.split_seed],
+            "max_recordings": self.max_recordings,
         }
 
     def prepare_store(self) -> Store:
@@ -128,9 +133,11 @@ class StoreDataModule(LightningDataModule):
         with StoreWriter(
             path, self.name, parameters, fingerprint, self.joint_map_folders()
         ) as writer:
-            bar = progress_bar(
-                self.readers(), total=self.recording_count(), title=f"preparing {self.name}"
-            )
+            total = self.recording_count()
+            if self.max_recordings is not None and total is not None:
+                total = min(total, self.max_recordings)
+            readers = itertools.islice(self.readers(), self.max_recordings)
+            bar = progress_bar(readers, total, f"preparing {self.name}")
             for recording_id, read in bar:
                 try:
                     writer.add(read())

@@ -33,6 +33,7 @@ class MocapData(StoreDataModule):
         test_share: Share for testing.
         split_seed: Seed of the split.
         strict: Fail on a bad recording instead of skipping it with a report.
+        max_recordings: Use only so many recordings (debug runs); None for all.
 
     Raises:
         CospeechError: There is no such folder, or no take in it.
@@ -53,6 +54,7 @@ class MocapData(StoreDataModule):
         test_share: float,
         split_seed: int,
         strict: bool,
+        max_recordings: int | None,
     ) -> None:
         self.root = Path(root)
         super().__init__(
@@ -65,6 +67,7 @@ class MocapData(StoreDataModule):
             test_share,
             split_seed,
             strict,
+            max_recordings,
         )
         self.speaker, self.frame_rate, self.licence = speaker, frame_rate, licence
         self.joint_maps = joint_maps

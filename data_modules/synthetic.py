@@ -8,6 +8,9 @@ from typing import Any
 from cospeech.corpus.synthetic import GENERATOR_VERSION, plan, synthesise
 from data_modules.base import Reader, StoreDataModule
 
+MINUTES_PER_RECORDING = 1.5
+"""About how long a recording of the embedded corpus is."""
+
 
 class SyntheticData(StoreDataModule):
     """A simulated world with known truth: synthesised speech, rule-based gestures.
@@ -24,6 +27,7 @@ class SyntheticData(StoreDataModule):
         test_share: Share for testing.
         split_seed: Seed of the split.
         strict: Fail on a bad recording instead of skipping it.
+        max_recordings: A corpus of about so many recordings (debug runs); None for ``minutes``.
     """
 
     def __init__(
@@ -39,6 +43,7 @@ class SyntheticData(StoreDataModule):
         test_share: float,
         split_seed: int,
         strict: bool,
+        max_recordings: int | None,
     ) -> None:
         super().__init__(
             "synthetic",
@@ -50,7 +55,12 @@ class SyntheticData(StoreDataModule):
             test_share,
             split_seed,
             strict,
+            max_recordings,
         )
+        if max_recordings is not None:
+            # A smaller world, rather than the beginning of one in which each speaker appears once.
+            minutes = min(minutes, max_recordings * MINUTES_PER_RECORDING)
+            speakers = min(speakers, max(1, max_recordings // 2))
         self.minutes, self.corpus_seed, self.speakers = minutes, corpus_seed, speakers
 
     def sources(self) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import functools
 import logging
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -369,6 +370,8 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
     """
     # Lightning's start-up lines (devices, an advertisement) would bury ours.
     logging.getLogger("lightning.pytorch.utilities.rank_zero").setLevel(logging.WARNING)
+    for message in (".*LeafSpec.*", ".*smaller than the logging interval.*", ".*many workers.*"):
+        warnings.filterwarnings("ignore", message=message)
     torch.set_float32_matmul_precision("high")
     try:
         return task(cfg)

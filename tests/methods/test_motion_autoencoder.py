@@ -9,22 +9,21 @@ from torch.utils.data import DataLoader
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import InputFileError
-from cospeech.metrics.encoder_files import load_any
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.motion_autoencoder.module import reconstruction_loss
+from cospeech.metrics.encoder_files import load_any
 from cospeech.motion.codecs import DirectionVectorCodec, direction_vectors
 
 BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
 
 
 def waving(count, seed=0):
-    """Windows of people who wave: each bone swings about its own direction."""
+    """Windows of people who wave alike, each as widely and as late as they please."""
     generator = torch.Generator().manual_seed(seed)
-    rest = torch.randn(1, 1, 9, 3, generator=torch.Generator().manual_seed(1))
-    swing = torch.randn(count, 1, 9, 3, generator=generator)
-    phase = 6 * torch.rand(count, 1, 1, 1, generator=generator)
+    rest, swing = torch.randn(2, 1, 1, 9, 3, generator=torch.Generator().manual_seed(1))
+    width, late = torch.rand(2, count, 1, 1, 1, generator=generator)
     time = torch.arange(34.0).view(1, 34, 1, 1) / 15
-    directions = rest + 0.4 * swing * torch.sin(2 * math.pi * 0.5 * time + phase)
+    directions = rest + width * swing * torch.sin(math.pi * time + 6 * late)
     return DirectionVectorCodec([0.0] * 27, BONES).decode(directions.flatten(-2), unit_length=True)
 
 
@@ -33,13 +32,11 @@ def facts(positions):
     return {"words": [], "speakers": ["a"], "mean_direction": mean, "bone_lengths": BONES}
 
 
-def loader(positions, batch_size=16, shuffle=False):
+def loader(positions, batch_size):
     def collate(items):
         return GestureBatch(torch.tensor([i for i, _ in items]), torch.stack([p for _, p in items]))
 
-    return DataLoader(
-        list(enumerate(positions)), batch_size, collate_fn=collate, shuffle=shuffle, drop_last=True
-    )
+    return DataLoader(list(enumerate(positions)), batch_size, collate_fn=collate)
 
 
 def trainer(folder, epochs):
@@ -68,22 +65,20 @@ def test_optimiser_is_the_published_one():
 
 
 def test_learns_a_few_windows(tmp_path):
-    """After 150 epochs over 32 windows the error is under a fifth of the mean pose's."""
+    """After 100 steps the error is under a third of the mean pose's."""
     seed_everything(0)
     positions = waving(32)
-    module = MotionAutoencoder(facts(positions))
+    module = MotionAutoencoder(facts(positions), learning_rate=2e-3)
     features = module.codec.encode(positions)
-    data = loader(positions)
-    run = trainer(tmp_path, 150)
+    data = loader(positions, batch_size=32)
+    run = trainer(tmp_path, 100)
     run.fit(module, data, data)
-    assert run.callback_metrics["val/reconstruction"].item() < 0.2 * features.abs().mean().item()
+    assert run.callback_metrics["val/reconstruction"].item() < 0.33 * features.abs().mean().item()
 
     encoder = module.encoder("a test")
     assert encoder.source == "a test"
     module.eval()
-    torch.testing.assert_close(
-        encoder.encode_positions(positions), module.network.encode(features)
-    )
+    torch.testing.assert_close(encoder.encode_positions(positions), module.network.encode(features))
     torch.testing.assert_close(encoder.reconstruct(features), module(positions))
 
     # The run's own checkpoint serves as metrics.encoder=<path>.

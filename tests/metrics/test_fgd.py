@@ -75,7 +75,7 @@ def test_merged_halves_equal_the_whole(encoder):
     whole = filled(encoder, real, generated)
     half = filled(encoder, real[:80], generated[:40])
     half.merge_state(filled(encoder, real[80:], generated[40:]))
-    assert half.real_count.item() == 160
+    assert half.real_samples.item() == 160
     assert half.compute().item() == pytest.approx(whole.compute().item(), rel=1e-9)
 
 
@@ -97,7 +97,7 @@ def test_forward_adds_each_window_once(encoder):
     metric = FrechetGestureDistance(encoder, reset_real_features=False)
     for batch in windows(80, 1).split(40):
         metric(batch, real=True)
-    assert metric.real_count.item() == 80
+    assert metric.real_samples.item() == 80
 
 
 def test_reset_inside_inference_mode_leaves_a_usable_metric(encoder):
@@ -105,7 +105,7 @@ def test_reset_inside_inference_mode_leaves_a_usable_metric(encoder):
     with torch.inference_mode():
         metric.reset()
     metric.update(windows(40, 1), real=True)
-    assert metric.real_count.item() == 40
+    assert metric.real_samples.item() == 40
 
 
 def test_refuses_fewer_than_two_windows_a_side(encoder):
@@ -172,7 +172,7 @@ def _share_of_a_process(rank, address, results):
     error.update(shifted(80, 2)[share], windows(80, 1)[share])
     values = (metric.compute().item(), metric.terms().total.item(), error.compute().item())
     if rank == 0:
-        results.put((*values, metric.real_count.item()))
+        results.put((*values, metric.real_samples.item()))
     distributed.destroy_process_group()
 
 

@@ -45,7 +45,9 @@ def test_frechet_distance_of_nearly_singular_covariances_equals_scipy():
     ours = frechet_distance(
         *map(torch.from_numpy, (mean, covariances[0], mean, covariances[1]))
     ).item()
-    assert ours == pytest.approx(scipy_frechet(mean, covariances[0], mean, covariances[1]), abs=1e-6)
+    assert ours == pytest.approx(
+        scipy_frechet(mean, covariances[0], mean, covariances[1]), abs=1e-6
+    )
 
 
 def test_frechet_distance_of_singular_covariances_has_a_closed_form():
@@ -88,7 +90,9 @@ def test_terms_separate_a_shift_from_a_scale():
 def test_batched_distances_equal_single_ones():
     pairs = [(gaussian(seed), gaussian(seed + 9)) for seed in range(3)]
     single = [frechet_distance(*map(torch.from_numpy, (*a, *b))) for a, b in pairs]
-    stacked = [torch.from_numpy(np.stack(x)) for x in zip(*[(*a, *b) for a, b in pairs], strict=True)]
+    stacked = [
+        torch.from_numpy(np.stack(x)) for x in zip(*[(*a, *b) for a, b in pairs], strict=True)
+    ]
     torch.testing.assert_close(frechet_distance(*stacked), torch.stack(single))
 
 
@@ -103,7 +107,7 @@ def test_moments_equal_numpy_far_from_the_origin():
 def test_recording_moments_keep_recordings_apart():
     features = torch.tensor([[1.0, 0.0], [2.0, 1.0], [3.0, 5.0]])
     moments = recording_moments(features, ["b", "a", "b"])
-    assert moments.count.tolist() == [2, 1]
+    assert moments.samples.tolist() == [2, 1]
     assert moments.total.tolist() == [[4, 5], [2, 1]]
     assert moments.outer[0].tolist() == [[10, 15], [15, 25]]
     with pytest.raises(ValueError, match="2 recording ids for 3 rows"):
@@ -136,7 +140,9 @@ def test_kernel_distance_is_unbiased_where_the_frechet_distance_is_not():
     for _ in range(200):
         a, b = torch.randn(2, 60, 8, generator=generator)
         kernel.append(kernel_distance(a, b))
-        moments = feature_moments(a).mean_and_covariance() + feature_moments(b).mean_and_covariance()
+        moments = (
+            feature_moments(a).mean_and_covariance() + feature_moments(b).mean_and_covariance()
+        )
         frechet.append(frechet_distance(*moments))
     kernel, frechet = torch.stack(kernel), torch.stack(frechet)
     assert abs(kernel.mean()) < 3 * kernel.std() / 200**0.5

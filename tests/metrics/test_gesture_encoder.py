@@ -38,7 +38,9 @@ def test_names_and_shapes_are_the_published_ones_in_order(shared):
     assert list(ours.items()) == list(published.items())
 
 
-@pytest.mark.parametrize(("frames", "width", "sizes"), [(34, 64, (170_240, 20_451)), (60, 128, (276_736, 44_811))])
+@pytest.mark.parametrize(
+    ("frames", "width", "sizes"), [(34, 64, (170_240, 20_451)), (60, 128, (276_736, 44_811))]
+)
 def test_parameter_counts_are_the_published_ones(frames, width, sizes):
     network = PoseAutoencoder(frames, width)
     parts = (network.pose_encoder, network.decoder)
@@ -227,5 +229,5 @@ def test_published_60_frame_checkpoint_is_refused_with_the_reason(shared):
 
 def test_encoder_of_another_skeleton_is_refused_with_the_reason(shared):
     path = shared / CHECKPOINTS / "genea2023_fgd_model_checkpoint_30.bin"
-    with pytest.raises(CospeechError, match="168 numbers a frame.*another skeleton"):
+    with pytest.raises(CospeechError, match=r"168 numbers a frame.*another skeleton"):
         load_any(path)

@@ -111,9 +111,7 @@ def people(shared):
 
 @pytest.fixture(scope="module")
 def published(shared):
-    return load_any(
-        shared / "data/real/checkpoints/trimodal_h36m_gesture_autoencoder_34f.bin"
-    )
+    return load_any(shared / "data/real/checkpoints/trimodal_h36m_gesture_autoencoder_34f.bin")
 
 
 def test_published_encoder_knows_real_people_in_our_axes_only(published, people):

@@ -57,7 +57,9 @@ def test_interval_is_the_reflected_one():
     draws = torch.randint(6, (50, 6), generator=torch.Generator().manual_seed(3))
     values = []
     for draw in draws:
-        sides = [feature_moments(side[draw].flatten(0, 1)).mean_and_covariance() for side in features]
+        sides = [
+            feature_moments(side[draw].flatten(0, 1)).mean_and_covariance() for side in features
+        ]
         values.append(frechet_distance(*sides[0], *sides[1]).item())
     high, low = 2 * interval.estimate - np.quantile(values, [0.025, 0.975])
     assert (interval.low, interval.high) == pytest.approx((max(low, 0), max(high, 0)), rel=1e-9)

@@ -44,13 +44,13 @@ def write_model(path, matrix, words=DICTIONARY, **changes):
     return path
 
 
-@pytest.fixture()
+@pytest.fixture
 def matrix():
     shape = (len(DICTIONARY) + BUCKETS, DIMENSIONS)
     return np.random.default_rng(3).normal(size=shape).astype(np.float32)
 
 
-@pytest.fixture()
+@pytest.fixture
 def model_file(tmp_path, matrix):
     return write_model(tmp_path / "model.bin", matrix)
 

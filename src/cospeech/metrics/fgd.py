@@ -18,8 +18,8 @@ class FrechetGestureDistance(Metric):
     """Fréchet distance between real and generated windows in a frozen encoder's feature space.
 
     Yoon et al. 2020, equation 6, with unbiased covariances (spec 4.1). Sums are float64, so the
-    value doesn't depend on batch size or on the number of processes. The encoder is held outside the
-    module tree: it is neither trained with the module that owns the metric nor saved in its
+    value doesn't depend on batch size or on the number of processes. The encoder is held outside
+    the module tree: it is neither trained with the module that owns the metric nor saved in its
     checkpoints, and it follows the positions to their device.
 
     Args:
@@ -33,10 +33,10 @@ class FrechetGestureDistance(Metric):
     full_state_update = False
     plot_lower_bound = 0.0
 
-    real_count: Tensor
+    real_samples: Tensor
     real_total: Tensor
     real_outer: Tensor
-    generated_count: Tensor
+    generated_samples: Tensor
     generated_total: Tensor
     generated_outer: Tensor
 
@@ -47,7 +47,7 @@ class FrechetGestureDistance(Metric):
         self.reset_real_features = reset_real_features
         size = encoder.size
         for side in ("real", "generated"):
-            for name, shape in (("count", ()), ("total", (size,)), ("outer", (size, size))):
+            for name, shape in (("samples", ()), ("total", (size,)), ("outer", (size, size))):
                 zeros = torch.zeros(shape, dtype=torch.float64)
                 self.add_state(f"{side}_{name}", default=zeros, dist_reduce_fx="sum")
 
@@ -59,7 +59,7 @@ class FrechetGestureDistance(Metric):
     @property
     def has_real_features(self) -> bool:
         """Whether real windows have been given since they were last reset."""
-        return self.real_count.item() > 0
+        return self.real_samples.item() > 0
 
     @torch.no_grad()
     def update(self, positions: Tensor, real: bool) -> None:
@@ -119,14 +119,14 @@ class FrechetGestureDistance(Metric):
         if self.reset_real_features:
             super().reset()
             return
-        names = ("real_count", "real_total", "real_outer")
+        names = ("real_samples", "real_total", "real_outer")
         kept = {name: getattr(self, name) for name in names}
         super().reset()
         for name, value in kept.items():
             setattr(self, name, value)
 
     def _local_terms(self) -> FrechetTerms:
-        counts = int(self.real_count.item()), int(self.generated_count.item())
+        counts = int(self.real_samples.item()), int(self.generated_samples.item())
         if min(counts) < 2:
             raise RuntimeError(
                 "a Fréchet gesture distance needs two windows or more on each side, got"
@@ -139,6 +139,6 @@ class FrechetGestureDistance(Metric):
                 " mostly sampling error",
                 stacklevel=2,
             )
-        real = Moments(self.real_count, self.real_total, self.real_outer)
-        generated = Moments(self.generated_count, self.generated_total, self.generated_outer)
+        real = Moments(self.real_samples, self.real_total, self.real_outer)
+        generated = Moments(self.generated_samples, self.generated_total, self.generated_outer)
         return frechet_terms(*real.mean_and_covariance(), *generated.mean_and_covariance())

@@ -13,21 +13,21 @@ class Moments(NamedTuple):
     """Sums over samples, float64; leading dimensions are batches (one entry per recording).
 
     Attributes:
-        count: ``(...)`` number of samples.
+        samples: ``(...)`` number of samples.
         total: ``(..., d)`` sum of x.
         outer: ``(..., d, d)`` sum of x xᵀ.
     """
 
-    count: Tensor
+    samples: Tensor
     total: Tensor
     outer: Tensor
 
     def mean_and_covariance(self) -> tuple[Tensor, Tensor]:
         """Mean ``(..., d)`` and unbiased covariance ``(..., d, d)`` (divisor n - 1, spec 4.1)."""
-        count = self.count.double().unsqueeze(-1)
-        mean = self.total / count
+        samples = self.samples.double().unsqueeze(-1)
+        mean = self.total / samples
         scatter = self.outer - self.total.unsqueeze(-1) * mean.unsqueeze(-2)
-        return mean, scatter / (count.unsqueeze(-1) - 1)
+        return mean, scatter / (samples.unsqueeze(-1) - 1)
 
     def weighted(self, weights: Tensor) -> Moments:
         """Sums over the batch of recordings with a weight each.
@@ -40,7 +40,7 @@ class Moments(NamedTuple):
         """
         weights = weights.to(self.total)
         return Moments(
-            weights @ self.count.double(),
+            weights @ self.samples.double(),
             weights @ self.total,
             torch.tensordot(weights, self.outer, dims=1),
         )
@@ -49,8 +49,8 @@ class Moments(NamedTuple):
 def feature_moments(features: Tensor) -> Moments:
     """Moments of features ``(n, d)``."""
     features = features.double()
-    count = torch.tensor(float(len(features)), dtype=torch.float64, device=features.device)
-    return Moments(count, features.sum(0), features.T @ features)
+    samples = torch.tensor(float(len(features)), dtype=torch.float64, device=features.device)
+    return Moments(samples, features.sum(0), features.T @ features)
 
 
 def recording_moments(features: Tensor, recording_ids: Sequence[Hashable]) -> Moments:
@@ -74,5 +74,5 @@ def recording_moments(features: Tensor, recording_ids: Sequence[Hashable]) -> Mo
     numbers: dict[Hashable, int] = {}
     index = torch.tensor([numbers.setdefault(key, len(numbers)) for key in recording_ids])
     per_recording = [feature_moments(features[index == number]) for number in numbers.values()]
-    counts, totals, outers = zip(*per_recording, strict=True)
-    return Moments(torch.stack(counts), torch.stack(totals), torch.stack(outers))
+    samples, totals, outers = zip(*per_recording, strict=True)
+    return Moments(torch.stack(samples), torch.stack(totals), torch.stack(outers))

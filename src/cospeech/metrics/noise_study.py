@@ -118,7 +118,7 @@ _PANELS = {
 
 
 def plot_noise_study(rows: list[NoiseRow], path: str | Path) -> None:
-    """Draw the study as the paper's figure 4: FGD above, joint error below, a column per disturbance.
+    """Draw the study as the paper's figure 4: FGD above, joint error below.
 
     Args:
         rows: What `run_noise_study` returned.

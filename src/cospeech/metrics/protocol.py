@@ -74,9 +74,7 @@ def encode(encoder: GestureEncoder, positions: Tensor, batch_size: int = 512) ->
     return torch.cat(batches)
 
 
-def unpaired_row(
-    features: Tensor, features_real: Tensor, paired: bool = False
-) -> dict[str, float]:
+def unpaired_row(features: Tensor, features_real: Tensor, paired: bool = False) -> dict[str, float]:
     """Distances between two sets of windows as sets.
 
     Args:

@@ -64,7 +64,7 @@ def fgd_interval(
     def distance(weights: Tensor) -> Tensor:
         return _fgd(real.weighted(weights), generated.weighted(weights))
 
-    interval = _reflected(distance, real.count, level, resamples, seed)
+    interval = _reflected(distance, real.samples, level, resamples, seed)
     return interval._replace(low=max(0.0, interval.low), high=max(0.0, interval.high))
 
 
@@ -99,7 +99,7 @@ def fgd_difference_interval(
         reference = real.weighted(weights)
         return _fgd(reference, first.weighted(weights)) - _fgd(reference, second.weighted(weights))
 
-    return _reflected(difference, real.count, level, resamples, seed)
+    return _reflected(difference, real.samples, level, resamples, seed)
 
 
 def _fgd(real: Moments, generated: Moments) -> Tensor:
@@ -129,13 +129,13 @@ def _reflected(
 
 
 def _require_recordings(real: Moments, generated: Moments) -> None:
-    if real.count.ndim != 1 or real.total.shape != generated.total.shape:
+    if real.samples.ndim != 1 or real.total.shape != generated.total.shape:
         raise ValueError(
             "expected one entry per recording and the same recordings on both sides, got"
             f" {tuple(real.total.shape)} and {tuple(generated.total.shape)}"
         )
-    if len(real.count) < 2:
+    if len(real.samples) < 2:
         raise ValueError("an interval over recordings needs at least two recordings")
     for moments in (real, generated):
-        if (moments.count.sum() - moments.count).min() < 2:
+        if (moments.samples.sum() - moments.samples).min() < 2:
             raise ValueError("one recording has all windows but one: no interval over recordings")

@@ -29,6 +29,7 @@ __all__ = ["read_bvh", "read_bvh_skeleton", "write_bvh"]
 
 MAX_FILE_BYTES = 2**30
 MAX_HEADER_BYTES = 2**22
+MAX_JOINT_FRAMES = 50_000_000
 _MOTION = re.compile(rb"^[ \t]*MOTION[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
 _FRAMES = re.compile(rb"\s*Frames[ \t]*:?[ \t]*([^\s]+)", re.IGNORECASE)
 _FRAME_TIME = re.compile(rb"\s*Frame[ \t]*Time[ \t]*:?[ \t]*([^\s]+)", re.IGNORECASE)
@@ -154,7 +155,7 @@ def _motion_header(data: bytes, start: int, path: Path) -> tuple[bytes, bytes, i
     frames = _FRAMES.match(data, place)
     frame_time = _FRAME_TIME.match(data, frames.end()) if frames else None
     if frames is None or frame_time is None:
-        line = data.count(b"\n", 0, place) + 2
+        line = data.count(b"\n", 0, place) + 1
         problem = (
             "the MOTION part is empty: the file has a skeleton but no frames"
             if not data[place : place + 4096].strip()
@@ -177,6 +178,12 @@ def _rows(data: bytes, start: int, hierarchy: Hierarchy, path: Path) -> NDArray[
             path,
             "no rows of numbers follow 'Frame Time': the file has a skeleton but no frames",
             hint="use a file with frames, or read_bvh_skeleton for its skeleton",
+        )
+    if (frames := body.strip().count(b"\n") + 1) * len(hierarchy.skeleton) > MAX_JOINT_FRAMES:
+        raise InputFileError(
+            path,
+            f"{frames} frames of {len(hierarchy.skeleton)} joints are more than fit into memory",
+            hint="cut it into takes",
         )
     try:
         values = np.loadtxt(io.BytesIO(body), comments=None, ndmin=2, encoding="latin-1")

@@ -139,8 +139,10 @@ def parse_hierarchy(text: str, path: Path, unit_scale: float) -> Hierarchy:
         )
     joints: list[_Joint] = []
     open_joints: list[int] = []
+    line = reader.line
     while (word := reader.word()) is not None:
-        _take(word.upper(), reader, joints, open_joints)
+        _take(word.upper(), line, reader, joints, open_joints)
+        line = reader.line
     if open_joints:
         name = joints[open_joints[-1]].name
         raise reader.error(f"the brace of joint {name} is never closed: the file is cut off")
@@ -149,8 +151,9 @@ def parse_hierarchy(text: str, path: Path, unit_scale: float) -> Hierarchy:
     return _hierarchy(joints, reader, unit_scale)
 
 
-def _take(keyword: str, reader: _Reader, joints: list[_Joint], open_joints: list[int]) -> None:
-    line = reader.line
+def _take(
+    keyword: str, line: int, reader: _Reader, joints: list[_Joint], open_joints: list[int]
+) -> None:
     if keyword in ("ROOT", "JOINT"):
         if keyword == "ROOT" and joints:
             raise reader.error("a second ROOT: cospeech reads one person per file", line)

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from cospeech.motion.upper_body import UPPER_BODY
 
+
 def direction_vectors(positions: Tensor) -> Tensor:
     """Unit vectors along the nine upper-body bones.
 

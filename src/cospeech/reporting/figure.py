@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
@@ -28,6 +29,7 @@ _TOKEN = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _CLAVICLE = ("shoulder", "clavicle", "collar", "shldr")
 _FINGER = ("thumb", "index", "middle", "ring", "pinky", "pinkie", "little", "finger")
 _WRIST = ("wrist", "hand")
+_NOSE = ("nose",)
 _ARM = (*_CLAVICLE, "arm", "elbow", *_WRIST, *_FINGER)
 _LEG = ("leg", "thigh", "knee", "foot", "ankle", "toe", "heel")
 
@@ -41,13 +43,12 @@ _RADII: tuple[tuple[tuple[str, ...], float], ...] = (
     (("fore", "elbow"), 0.030),
     ((*_CLAVICLE, "arm"), 0.026),
     (("eye", "ear", "jaw"), 0.014),
-    (("nose",), 0.02),
+    (_NOSE, 0.02),
     (("head",), 0.03),
     (("neck",), 0.034),
     (("hip", "pelvis", "spine", "chest", "torso"), 0.044),
 )
 _OTHER_RADIUS = 0.02
-_FACE_RADIUS = 0.014
 _HAND_RADIUS = 0.036
 
 
@@ -56,35 +57,71 @@ class Limb:
     """A bone as it is drawn.
 
     Attributes:
-        parent: Index of the upper joint.
-        child: Index of the lower joint.
+        upper: Index of the point it starts from.
+        lower: Index of the point it ends at.
         part: One of `PARTS`.
         radius: Metres.
     """
 
-    parent: int
-    child: int
+    upper: int
+    lower: int
     part: str
     radius: float
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A skull or a fist, so that it is seen where a face points and a hand is.
+    """A skull or a hand.
 
     Attributes:
-        first: Index of a joint.
-        second: Index of another, or the same.
-        place: The centre's place on the way from one to the other, 0 to 1.
-        radius: Metres.
+        point: Index of the point at its centre.
         part: One of `PARTS`.
+        radius: Metres.
     """
 
-    first: int
-    second: int
+    point: int
+    part: str
+    radius: float
+
+
+@dataclass(frozen=True)
+class Skull:
+    """The centre of the head, a point beside the joints: part of the way from one to another.
+
+    Attributes:
+        below: Index of the joint under it.
+        above: Index of the joint on top of it.
+        place: 0 at ``below``, 1 at ``above``.
+        radius: Metres.
+    """
+
+    below: int
+    above: int
     place: float
     radius: float
-    part: str
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What is drawn of a motion. Points are its joints and, where there is a skull, its centre.
+
+    Attributes:
+        limbs: Bones.
+        balls: Skull and hands.
+        skull: How the point after the last joint is made; None without one.
+    """
+
+    limbs: tuple[Limb, ...]
+    balls: tuple[Ball, ...]
+    skull: Skull | None
+
+    def points(self, positions: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Joints ``(..., J, 3)`` to what limbs and balls index: ``(..., J, 3)`` or one more."""
+        if self.skull is None:
+            return positions
+        below, above = positions[..., self.skull.below, :], positions[..., self.skull.above, :]
+        centre = below + (above - below) * self.skull.place
+        return np.concatenate([positions, centre[..., None, :]], axis=-2)
 
 
 def _tokens(joint: str) -> list[str]:
@@ -115,70 +152,88 @@ def _part(parent: str, child: str) -> str:
     if side is None or side_of(parent) != side or not _says(child, _ARM):
         return "body"
     # LeftShoulder -> LeftArm is the collar bone of mocap skeletons: the arm starts below it
-    collar_bone = _says(parent, _CLAVICLE) and _says(child, ("arm",)) and not _says(child, ("fore",))
+    collar_bone = (
+        _says(parent, _CLAVICLE) and _says(child, ("arm",)) and not _says(child, ("fore",))
+    )
     return "body" if collar_bone else f"{side}_arm"
 
 
-def limbs(motion: Motion) -> tuple[Limb, ...]:
-    """The bones to draw: every bone of the skeleton that is at least a millimetre long.
+def figure_of(motion: Motion) -> Figure:
+    """What to draw of a motion.
 
-    Radii follow the joint names (fingers thin, torso thick) and never exceed 0.45 of the bone.
-
-    Args:
-        motion: Clip whose median bone lengths are used.
+    Every bone of at least a millimetre (median over the clip), its radius by the joint names
+    (fingers thin, torso thick) and at most 0.45 of its length. The head is a ball on the neck, with
+    a nose where the skeleton has one; arms that end at the wrist get a ball for the hand.
     """
     joints = motion.skeleton.joints
-    drawn = []
-    for parent, child in motion.skeleton.bones:
-        bone = motion.positions[:, child] - motion.positions[:, parent]
-        length = float(np.median(np.linalg.norm(bone, axis=-1))) if len(motion) else 0.0
+    skull = _skull(motion)
+    centre = len(joints)
+    bones = list(motion.skeleton.bones)
+    balls: list[Ball] = []
+    if skull is not None:
+        inside = _descendants(motion.skeleton, skull.below)
+        face = [i for i in sorted(inside) if _says(joints[i], _NOSE)]
+        if face:
+            # neck to centre and centre to nose, for neck to nose and nose to crown
+            nose = face[0]
+            replaced = _descendants(motion.skeleton, nose) | {nose}
+            bones = [(p, c) for p, c in bones if c not in replaced]
+            bones += [(skull.below, centre), (centre, nose)]
+        else:
+            bones = [(p, c) for p, c in bones if c not in inside]
+        balls.append(Ball(centre, "body", skull.radius))
+    figure = Figure((), (), skull)
+    points = figure.points(motion.positions)
+    names = (*joints, "head")
+    limbs = []
+    for upper, lower in bones:
+        lengths = np.linalg.norm(points[:, lower] - points[:, upper], axis=-1)
+        length = float(np.median(lengths))
         if length < 1e-3:
             continue
-        # what hangs on the nose lies inside the skull
-        on_face = _says(joints[parent], ("nose",))
-        radius = next((r for words, r in _RADII if _says(joints[child], words)), _OTHER_RADIUS)
-        radius = _FACE_RADIUS if on_face else radius
-        drawn.append(
-            Limb(parent, child, _part(joints[parent], joints[child]), min(radius, 0.45 * length))
-        )
-    return tuple(drawn)
-
-
-def balls(motion: Motion) -> tuple[Ball, ...]:
-    """The skull and, where the skeleton ends at the wrists, the hands."""
-    skeleton = motion.skeleton
-    parents = set(skeleton.parents)
-    hands = tuple(
-        Ball(joint, joint, 0.0, _HAND_RADIUS, f"{side}_arm")
-        for side, joint in wrists(skeleton).items()
+        radius = next((r for words, r in _RADII if _says(names[lower], words)), _OTHER_RADIUS)
+        part = _part(names[upper], names[lower])
+        limbs.append(Limb(upper, lower, part, min(radius, 0.45 * length)))
+    parents = set(motion.skeleton.parents)
+    balls += [
+        Ball(joint, f"{side}_arm", _HAND_RADIUS)
+        for side, joint in wrists(motion.skeleton).items()
         if joint not in parents
-    )
-    skull = _skull(motion) if len(motion) else None
-    return hands if skull is None else (skull, *hands)
+    ]
+    return Figure(tuple(limbs), tuple(balls), skull)
 
 
-def _skull(motion: Motion) -> Ball | None:
-    """Between neck and head top where there is a nose joint, else between head and its end.
+def _descendants(skeleton: Skeleton, joint: int) -> set[int]:
+    found = {joint}
+    for parent, child in skeleton.bones:
+        if parent in found:
+            found.add(child)
+    return found - {joint}
 
-    With a nose joint, ``neck`` is the base of the neck: the centre lies 0.6 of the way up, and the
-    nose just shows.
+
+def _skull(motion: Motion) -> Skull | None:
+    """Between neck and crown where there is a nose joint, else between the head joint and its end.
+
+    With a nose joint, ``neck`` is the base of the neck, and the skull the upper part of the way.
     """
     joints = motion.skeleton.joints
 
     def first(words: tuple[str, ...], among: Iterable[int]) -> int | None:
         return next((i for i in among if _says(joints[i], words)), None)
 
-    if first(("nose",), range(len(joints))) is not None:
-        low, place, share = first(("neck",), range(len(joints))), 0.6, 0.37
-        high = first(("head",), range(len(joints)))
+    everywhere = range(len(joints))
+    if first(_NOSE, everywhere) is not None:
+        low, high = first(("neck",), everywhere), first(("head",), everywhere)
+        place, share = 0.62, 0.38
     else:
-        low, place, share = first(("head",), range(len(joints))), 0.5, 0.55
+        low = first(("head",), everywhere)
         high = first(("head",), (c for p, c in motion.skeleton.bones if p == low))
+        place, share = 0.5, 0.55
     if low is None or high is None:
         return None
     span = motion.positions[:, high] - motion.positions[:, low]
     length = float(np.median(np.linalg.norm(span, axis=-1)))
-    return Ball(low, high, place, share * length, "body") if length > 0.02 else None
+    return Skull(low, high, place, share * length) if length > 0.02 else None
 
 
 def wrists(skeleton: Skeleton) -> dict[str, int]:
@@ -206,10 +261,9 @@ def facing(motion: Motion) -> float:
             sides[side].append(i)
     if not (sides["left"] and sides["right"] and len(motion)):
         return 0.0
-    across = (
-        motion.positions[:, sides["left"]].mean(axis=(0, 1), dtype=np.float64)
-        - motion.positions[:, sides["right"]].mean(axis=(0, 1), dtype=np.float64)
-    )
+    across = motion.positions[:, sides["left"]].mean(
+        axis=(0, 1), dtype=np.float64
+    ) - motion.positions[:, sides["right"]].mean(axis=(0, 1), dtype=np.float64)
     forward_x, forward_z = -across[2], across[0]
     if math.hypot(forward_x, forward_z) < 1e-3:
         return 0.0

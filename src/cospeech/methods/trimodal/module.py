@@ -30,8 +30,8 @@ from cospeech.methods.trimodal.networks import (
     Style,
 )
 from cospeech.methods.trimodal.synthesis import (
-    SynthesisOptions,
     Synthesiser,
+    SynthesisOptions,
     draw_noise,
     draw_speakers,
 )

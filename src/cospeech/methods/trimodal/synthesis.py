@@ -84,7 +84,7 @@ class Synthesiser:
         if not np.isfinite(speech.waveform).all():
             raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
         request = read_style_request(speaker, controls, self.speakers, self.network)
-        device = self.network.out[0].weight.device
+        device = next(self.network.parameters()).device
         seed_frames = self.window.seed_frames
         seeds = None
         if seed_motion is not None:

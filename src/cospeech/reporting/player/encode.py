@@ -15,11 +15,10 @@ from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.reporting.figure import (
     PARTS,
-    balls,
     check_drawable,
     facing,
+    figure_of,
     floor_height,
-    limbs,
     wrists,
 )
 from cospeech.speech.speech import SAMPLE_RATE, Speech
@@ -111,19 +110,21 @@ def encode_track(name: str, motion: Motion, phases: Sequence[str] | None) -> dic
             f"track {name!r}: {len(phases)} phase labels for {len(motion)} frames",
             "give one label per frame of that track",
         )
+    figure = figure_of(motion)
+    skull = figure.skull
     return {
         "name": name,
         "fps": float(motion.fps),
         "frames": len(motion),
         "joints": len(motion.skeleton),
         "limbs": [
-            [limb.parent, limb.child, PARTS.index(limb.part), round(limb.radius, 4)]
-            for limb in limbs(motion)
+            [limb.upper, limb.lower, PARTS.index(limb.part), round(limb.radius, 4)]
+            for limb in figure.limbs
         ],
         "balls": [
-            [ball.first, ball.second, ball.place, round(ball.radius, 4), PARTS.index(ball.part)]
-            for ball in balls(motion)
+            [ball.point, PARTS.index(ball.part), round(ball.radius, 4)] for ball in figure.balls
         ],
+        "skull": None if skull is None else [skull.below, skull.above, skull.place],
         "wrists": wrists(motion.skeleton),
         "yaw": facing(motion),
         "floor": floor_height(motion),

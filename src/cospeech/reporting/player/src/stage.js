@@ -55,10 +55,10 @@ class Figure {
       this.caps.setColorAt(2 * i, colour);
       this.caps.setColorAt(2 * i + 1, colour);
     });
-    track.balls.forEach(([, , , , part], i) => this.caps.setColorAt(2 * count + i, new Color(colours[part])));
+    track.balls.forEach(([, part], i) => this.caps.setColorAt(2 * count + i, new Color(colours[part])));
     this.trails = Object.entries(track.wrists).map(([side, joint]) => this.#trail(side, joint));
     this.parts = [this.bones, this.caps, ...this.trails.map((trail) => trail.mesh)];
-    this.scratch = new Float32Array(track.joints * 3);
+    this.scratch = new Float32Array(track.points * 3);
   }
 
   // a ribbon of triangles whose width and opacity die away into the past
@@ -94,9 +94,9 @@ class Figure {
     const turn = new Quaternion();
     const none = new Quaternion();
     const scale = new Vector3();
-    this.track.limbs.forEach(([parent, child, , radius], i) => {
-      a.fromArray(pose, 3 * parent);
-      b.fromArray(pose, 3 * child);
+    this.track.limbs.forEach(([upper, lower, , radius], i) => {
+      a.fromArray(pose, 3 * upper);
+      b.fromArray(pose, 3 * lower);
       matrix.compose(a, none, scale.setScalar(radius));
       this.caps.setMatrixAt(2 * i, matrix);
       matrix.compose(b, none, scale.setScalar(radius * 0.84));
@@ -107,9 +107,8 @@ class Figure {
       matrix.compose(a.add(b).multiplyScalar(0.5), turn, scale.set(radius, length, radius));
       this.bones.setMatrixAt(i, matrix);
     });
-    this.track.balls.forEach(([first, second, place, radius], i) => {
-      a.fromArray(pose, 3 * first).lerp(b.fromArray(pose, 3 * second), place);
-      matrix.compose(a, none, scale.setScalar(radius));
+    this.track.balls.forEach(([point, , radius], i) => {
+      matrix.compose(a.fromArray(pose, 3 * point), none, scale.setScalar(radius));
       this.caps.setMatrixAt(2 * this.track.limbs.length + i, matrix);
     });
     this.bones.instanceMatrix.needsUpdate = true;

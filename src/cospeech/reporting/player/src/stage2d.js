@@ -28,7 +28,6 @@ export class Stage2d {
     c.setTransform(this.pixelRatio, 0, 0, this.pixelRatio, 0, 0);
     c.fillStyle = this.theme.background;
     c.fillRect(0, 0, c.canvas.width, c.canvas.height);
-    c.lineCap = "round";
     this.tracks.forEach((track, i) => this.#drawTrack(track, t, blend, orbit, cells[i]));
   }
 
@@ -52,21 +51,22 @@ export class Stage2d {
     c.clip();
     this.#grid(project, centre, track.floor);
     const pose = track.poseAt(t, blend);
-    const joint = (j) => project([pose[3 * j], pose[3 * j + 1], pose[3 * j + 2]]);
-    const strokes = track.limbs.map(([parent, child, part, radius]) => {
-      const [a, b] = [joint(parent), joint(child)];
+    const point = (j) => project([pose[3 * j], pose[3 * j + 1], pose[3 * j + 2]]);
+    const strokes = track.limbs.map(([upper, lower, part, radius]) => {
+      const [a, b] = [point(upper), point(lower)];
       return { a, b, part, width: (2 * radius * focal) / ((a.depth + b.depth) / 2) };
     });
-    for (const [first, second, place, radius, part] of track.balls) {
-      const at = [0, 1, 2].map((k) => pose[3 * first + k] * (1 - place) + pose[3 * second + k] * place);
-      const a = project(at);
+    for (const [centre, part, radius] of track.balls) {
+      const a = point(centre);
       strokes.push({ a, b: a, part, width: (2 * radius * focal) / a.depth });
     }
     strokes
       .sort((one, other) => other.a.depth + other.b.depth - one.a.depth - one.b.depth)
       .forEach(({ a, b, part, width }) => {
-        // a rim in the background's colour keeps crossing bones apart
+        // a rim in the background's colour, along the sides only, keeps crossing bones apart
+        this.context.lineCap = "butt";
         this.#line(a, b, this.theme.background, width + 2);
+        this.context.lineCap = "round";
         this.#line(a, b, this.colours[part], width);
       });
     c.restore();

@@ -32,7 +32,7 @@ export class Timeline {
       this.rows.push({ kind, y, height, ...rest });
       y += height + GAP;
     };
-    add("wave", WAVE);
+    if (clip.audio) add("wave", WAVE);
     if (clip.words) add("words", WORDS);
     const fastest = Math.max(
       0.5, ...tracks.flatMap((track) => Object.values(track.speeds).map((v) => percentile(v, 0.995))),

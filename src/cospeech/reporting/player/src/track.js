@@ -9,7 +9,8 @@ export class Track {
     Object.assign(this, values);
     this.data = null;
     this.positions = decodePositions(values);
-    this.pose = new Float32Array(this.joints * 3);
+    this.points = this.joints + (this.skull ? 1 : 0);
+    this.pose = new Float32Array(this.points * 3);
     this.speeds = Object.fromEntries(
       Object.entries(this.wrists).map(([side, joint]) => [side, this.#speed(joint)]),
     );
@@ -22,7 +23,10 @@ export class Track {
     return Math.max(0, Math.min(this.frames - 1, frame));
   }
 
-  /** Joint positions at time t, in this.pose: the frame's own, or a blend with the next one. */
+  /**
+   * Points at time t, in `out`: the joints, then the centre of the skull where there is one.
+   * The frame's own, or a blend with the next one.
+   */
   poseAt(t, blend, out = this.pose) {
     const frame = this.frameAt(t);
     const size = this.joints * 3;
@@ -32,10 +36,16 @@ export class Track {
     for (let i = 0; i < size; i++) {
       out[i] = this.positions[here + i] * (1 - w) + this.positions[next + i] * w;
     }
+    if (this.skull) {
+      const [below, above, place] = this.skull;
+      for (let k = 0; k < 3; k++) {
+        out[size + k] = out[3 * below + k] * (1 - place) + out[3 * above + k] * place;
+      }
+    }
     return out;
   }
 
-  /** Where the camera looks at time t: a slow average of the body's place on the ground. */
+  /** Where the camera looks at time t: a slow average of the root's place on the ground. */
   centreAt(t) {
     const i = 2 * this.frameAt(t);
     return [this.path[i], this.middle, this.path[i + 1]];
@@ -67,15 +77,11 @@ export class Track {
     let top = -Infinity;
     let reach = 0;
     for (let f = 0; f < this.frames; f++) {
-      let x = 0;
-      let z = 0;
       for (let j = 0; j < this.joints; j++) {
-        x += this.positions[f * size + 3 * j];
         top = Math.max(top, this.positions[f * size + 3 * j + 1]);
-        z += this.positions[f * size + 3 * j + 2];
       }
-      sums[2 * f + 2] = sums[2 * f] + x / this.joints;
-      sums[2 * f + 3] = sums[2 * f + 1] + z / this.joints;
+      sums[2 * f + 2] = sums[2 * f] + this.positions[f * size];
+      sums[2 * f + 3] = sums[2 * f + 1] + this.positions[f * size + 2];
     }
     // two seconds either side: turns and steps stay visible, travel does not leave the picture
     const half = Math.round(2 * this.fps);

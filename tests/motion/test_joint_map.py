@@ -1,0 +1,246 @@
+"""Joint maps: which one is found, what it does by hand, and what is said when none fits."""
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
+from cospeech.motion.joint_map import (
+    EVALUATION_JOINTS,
+    JointMap,
+    JointSource,
+    find_joint_map,
+    load_joint_map,
+)
+from cospeech.motion.kinematics import skeleton_positions, turn_about_vertical
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.upper_body import UPPER_BODY, doubts_about, to_upper_body
+
+PACKAGED = sorted(
+    file.name.removesuffix(".yaml")
+    for file in (files("cospeech.motion") / "joint_maps").iterdir()
+    if file.name.endswith(".yaml")
+)
+
+
+def skeleton_for(joint_map, name="any"):
+    joints = sorted(joint_map.required)
+    return Skeleton(name, tuple(joints), (-1,) + (0,) * (len(joints) - 1))
+
+
+def test_the_field_is_covered():
+    assert set(PACKAGED) == {
+        "bandai_namco", "beat", "berkeley3d", "cmu", "genea2023", "human36m", "human36m_32",
+        "mixamo", "ted", "trinity", "zeggs",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_each_packaged_map_finds_its_own_skeleton(name):
+    joint_map = load_joint_map(name)
+    assert find_joint_map(skeleton_for(joint_map)).name == name
+    assert len({source for source in joint_map.joints}) == 10
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("zeggs/067_Speech_2_x_1_0.bvh", "zeggs"),
+        ("beat/2_scott_0_1_1.bvh", "beat"),
+        ("trinity/NaturalTalking_030_2_1From5.bvh", "trinity"),
+        ("trinity/MODEL_OUTPUT_gesticulator_jeremy_howard.bvh", "trinity"),
+        ("genea_twh_skeleton/genea_header.bvh", "genea2023"),
+        ("cmu/18_01.bvh", "cmu"),
+        ("bandai_namco/dataset-1_call_normal_001.bvh", "bandai_namco"),
+        ("bandai_namco/dataset-2_wave-right-hand_normal_001.bvh", "bandai_namco"),
+    ],
+)
+def test_real_skeletons_are_told_apart(shared, file, name):
+    assert find_joint_map(read_bvh_skeleton(shared / "data" / "real" / file)).name == name
+
+
+def test_rest_pose_of_talking_with_hands_faces_forward(shared):
+    skeleton = read_bvh_skeleton(shared / "data/real/genea_twh_skeleton/genea_header.bvh")
+    still = np.zeros((1, len(skeleton), 4), np.float32)
+    still[..., 3] = 1
+    motion = Motion(skeleton, 30.0, skeleton_positions(skeleton, still), still)
+    body = to_upper_body(motion)
+    assert doubts_about(body) == []
+    at = dict(zip(EVALUATION_JOINTS, body.positions[0], strict=True))
+    # the sums of the file's offsets from b_spine2, in metres
+    np.testing.assert_allclose(at["neck"], [0, 0.311771, 0.0152592], atol=1e-6)
+    np.testing.assert_allclose(at["left_shoulder"], [0.19166068, 0.20427340, 0.0172], atol=2e-3)
+    assert at["left_wrist"][0] > 0.5
+    assert at["right_wrist"][0] < -0.5
+
+
+def test_namespaces_do_not_matter():
+    joint_map = load_joint_map("mixamo")
+    plain = skeleton_for(joint_map)
+    prefixed = Skeleton("m", tuple(f"mixamorig:{name}" for name in plain.joints), plain.parents)
+    assert find_joint_map(prefixed).name == "mixamo"
+    positions = np.random.default_rng(0).normal(size=(3, len(plain), 3)).astype(np.float32)
+    still = np.tile(np.float32([0, 0, 0, 1]), (3, len(plain), 1))
+    np.testing.assert_array_equal(
+        to_upper_body(Motion(prefixed, 30.0, positions, still)).positions,
+        to_upper_body(Motion(plain, 30.0, positions, still)).positions,
+    )
+
+
+def person(yaw_degrees, travel=(0.0, 0.0, 0.0)):
+    """A person with arms hanging, turned and moved, on Human3.6M's joint names."""
+    names = ("Spine", "Thorax", "Nose", "Head", "LShoulder", "LElbow", "LWrist",
+             "RShoulder", "RElbow", "RWrist", "LHip", "RHip")  # fmt: skip
+    points = np.array(
+        [[0, 1.2, 0], [0, 1.45, 0], [0, 1.6, 0.08], [0, 1.72, 0.02], [0.2, 1.4, 0],
+         [0.22, 1.1, 0], [0.2, 0.9, 0.15], [-0.2, 1.4, 0], [-0.22, 1.1, 0], [-0.2, 0.9, 0.15],
+         [0.1, 0.95, 0], [-0.1, 0.95, 0]]
+    )  # fmt: skip
+    yaw = np.radians(np.asarray(yaw_degrees, float))
+    turned = turn_about_vertical(np.tile(points, (len(yaw), 1, 1)), yaw) + np.array(travel)
+    skeleton = Skeleton("person", names, (-1,) + (0,) * 11)
+    return Motion(skeleton, 15.0, turned.astype(np.float32)), points
+
+
+def test_travel_and_heading_are_removed():
+    motion, points = person([0, 40, 180, -100], travel=(2.0, 0.3, -1.0))
+    body = to_upper_body(motion)
+    assert body.skeleton is UPPER_BODY
+    assert body.positions.dtype == np.float32
+    assert body.rotations_local is None
+    expected = points[:10] - points[0]
+    np.testing.assert_allclose(body.positions, np.tile(expected, (4, 1, 1)), atol=1e-6)
+    assert doubts_about(body) == []
+
+
+def test_offsets_turn_with_their_joint():
+    joint_map = JointMap(
+        "test",
+        tuple(
+            JointSource("Head", (0.0, 0.02, 0.12)) if name == "nose" else JointSource("Hips")
+            for name in EVALUATION_JOINTS
+        ),
+    )
+    skeleton = Skeleton("s", ("Hips", "Head"), (-1, 0), np.array([[0, 0, 0], [0, 0.5, 0]]))
+    # the body turned a quarter to its left (z -> x), then the head nodded by 30 degrees (z -> -y)
+    quarter, nod = (
+        Rotation.from_euler("y", 90, degrees=True),
+        Rotation.from_euler("x", 30, degrees=True),
+    )
+    rotations = np.stack([quarter.as_quat(), nod.as_quat()])[None]
+    motion = Motion(skeleton, 30.0, skeleton_positions(skeleton, rotations), rotations.astype("f4"))
+    nose = to_upper_body(motion, joint_map).positions[0, 2]
+    cosine, sine = np.cos(np.radians(30)), 0.5
+    by_hand = [0.12 * cosine + 0.02 * sine, 0.5 + 0.02 * cosine - 0.12 * sine, 0.0]
+    np.testing.assert_allclose(nose, by_hand, atol=1e-7)
+    with pytest.raises(CospeechError, match="places nose by a joint's rotation"):
+        to_upper_body(Motion(skeleton, 30.0, motion.positions), joint_map)
+
+
+def test_doubts_name_their_cause():
+    motion, _ = person([0.0])
+    body = to_upper_body(motion)
+    swapped = np.float32([[0, 2, 1], [0, 1, 2]])
+
+    def doubts(positions):
+        return " ".join(doubts_about(Motion(UPPER_BODY, 15.0, positions.astype(np.float32))))
+
+    assert doubts(body.positions) == ""
+    assert "may not be +y" in doubts(body.positions[..., swapped[0].astype(int)])
+    assert "may not be +y" in doubts(body.positions * [1, -1, 1])
+    assert "left and right" in doubts(body.positions * [-1, 1, 1])
+    assert "nose is behind" in doubts(body.positions * [1, 1, -1])
+    assert "0.00301 m long: unit_scale" in doubts(body.positions * 0.01)
+
+
+def test_an_unknown_skeleton_gets_its_joints_and_a_template():
+    skeleton = Skeleton("robot", ("base", "Spine", "claw"), (-1, 0, 1))
+    with pytest.raises(CospeechError) as caught:
+        find_joint_map(skeleton)
+    message = str(caught.value)
+    assert "Its joints: base, Spine, claw" in message
+    assert "also needs:" in message
+    for name in EVALUATION_JOINTS:
+        assert f"  {name}: " in message
+
+
+def test_the_template_is_a_map(tmp_path):
+    with pytest.raises(CospeechError) as caught:
+        find_joint_map(Skeleton("robot", ("base",), (-1,)))
+    assert caught.value.hint is not None
+    template = caught.value.hint[caught.value.hint.index("joints:\n") :]
+    path = tmp_path / "my_corpus.yaml"
+    path.write_text(template)
+    joint_map = load_joint_map(path)
+    assert joint_map.name == "my_corpus"
+    assert joint_map.joints[2] == JointSource("Head", (0.0, 0.02, 0.12))
+    assert joint_map.hips == ("RightUpLeg", "LeftUpLeg")
+
+
+def test_maps_of_a_folder_go_before_packaged_ones(tmp_path):
+    skeleton = skeleton_for(load_joint_map("trinity"))
+    lines = [f"  {name}: Hips" for name in EVALUATION_JOINTS]
+    (tmp_path / "mine.yaml").write_text("joints:\n" + "\n".join(lines))
+    assert find_joint_map(skeleton, [tmp_path]).name == "mine"
+    assert find_joint_map(skeleton).name == "trinity"
+
+
+GOOD = "joints:\n" + "".join(f"  {name}: j\n" for name in EVALUATION_JOINTS)
+
+
+@pytest.mark.parametrize(
+    ("content", "match"),
+    [
+        ("", "needs the key 'joints'"),
+        ("[1, 2]", "needs the key 'joints'"),
+        ("joints: {spine: a}", "exactly the ten evaluation joints"),
+        (GOOD + "nose: x", "unknown keys: nose"),
+        (GOOD.replace("nose: j", "nose: [1]"), "nose: expected a joint name"),
+        (GOOD.replace("nose: j", "nose: {joint: j, offset: [0, 1]}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {joint: j, offset: [0, 1, .nan]}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {joint: j, ofset: [0, 1, 2]}"), "nose: expected"),
+        (GOOD + "hips: [a, b]", "'hips' must be"),
+        (GOOD + "markers: Hips", "'markers' must be a list"),
+        (GOOD + "unit_scale: -1", "'unit_scale' must be"),
+        ("joints: {", "not valid yaml"),
+        ("!!python/object/apply:os.system ['true']", "not valid yaml"),
+        ("#" * 2**17, "too long"),
+    ],
+)
+def test_broken_maps_are_refused(tmp_path, content, match):
+    path = tmp_path / "broken.yaml"
+    path.write_text(content)
+    with pytest.raises(InputFileError, match=match):
+        load_joint_map(path)
+
+
+def test_names_that_do_not_exist(tmp_path):
+    with pytest.raises(CospeechError, match="no joint map is called trinty; there are .*trinity"):
+        load_joint_map("trinty")
+    with pytest.raises(InputFileError, match="can't be read"):
+        load_joint_map(tmp_path / "absent.yaml")
+    motion, _ = person([0.0])
+    with pytest.raises(CospeechError, match="joint map ted needs head"):
+        to_upper_body(motion, load_joint_map("ted"))
+
+
+def test_hips_that_are_never_apart():
+    motion, _ = person([0.0, 0.0])
+    motion.positions[:, 10:] = 0
+    with pytest.raises(CospeechError, match="heading is unknown"):
+        to_upper_body(motion)
+
+
+@pytest.mark.parametrize(
+    "corpus", ["dataset-1_bow_normal_001", "dataset-2_wave-right-hand_normal_001"]
+)
+def test_a_head_with_other_axes_still_looks_forward(shared, corpus):
+    body = to_upper_body(read_bvh(shared / f"data/real/bandai_namco/{corpus}.bvh"))
+    assert doubts_about(body) == []
+    face = body.positions[0, 2] - (body.positions[0, 1] + body.positions[0, 3]) / 2
+    assert face[2] > 0.05
+    assert abs(face[0]) < 0.04
