@@ -15,8 +15,7 @@ import scipy
 import scipy.linalg
 import torch
 
-from cospeech.metrics.autoencoder import PoseAutoencoder
-from cospeech.metrics.encoder import GestureEncoder
+from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.functional import frechet_distance, kernel_distance
 from cospeech.metrics.moments import recording_moments

@@ -63,12 +63,12 @@ class EvaluateFGD(Callback):
             "fgd": terms.total,
             "fgd_mean_term": terms.mean_term,
             "fgd_covariance_term": terms.covariance_term,
-            **{
-                name: metric.compute() for name, metric in self._metrics.items() if name != "fgd"
-            },
+            **{name: metric.compute() for name, metric in self._metrics.items() if name != "fgd"},
         }
         for name, value in values.items():
-            pl_module.log(f"{stage}/{name}", value.float(), prog_bar=name == "fgd", rank_zero_only=True)
+            pl_module.log(
+                f"{stage}/{name}", value.float(), prog_bar=name == "fgd", rank_zero_only=True
+            )
         self._metrics = {}
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:

@@ -19,6 +19,7 @@ from cospeech.corpus.splits import SPLITS, Span, split_recordings, time_blocks
 from cospeech.corpus.store import SCHEMA_VERSION, Store, StoreWriter
 from cospeech.corpus.windows import WindowDataset, WindowLoader, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.motion.joint_map import JointMap
 from cospeech.progress import progress_bar
 
 logger = logging.getLogger(__name__)
@@ -63,9 +64,7 @@ class StoreDataModule(LightningDataModule):
     ) -> None:
         super().__init__()
         if split not in ("recordings", "speakers", "time_blocks"):
-            raise ConfigError(
-                f"data.split={split}: choose recordings, speakers or time_blocks"
-            )
+            raise ConfigError(f"data.split={split}: choose recordings, speakers or time_blocks")
         self.name, self.store_dir = name, Path(store_dir)
         self.batch_size, self.seed = batch_size, seed
         self.split, self.val_share, self.test_share = split, val_share, test_share
@@ -83,9 +82,9 @@ class StoreDataModule(LightningDataModule):
     def readers(self) -> Iterable[tuple[str, Reader]]:
         """(recording id, reader) of every recording, in a fixed order."""
 
-    def joint_map_folders(self) -> list[Path]:
-        """Folders with joint maps of the user's own."""
-        return []
+    def joint_map(self) -> JointMap | None:
+        """Where the evaluation joints are; None: found by the joints' names."""
+        return None
 
     def recording_count(self) -> int | None:
         """How many recordings `readers` will yield, where that is known beforehand."""
@@ -130,9 +129,7 @@ class StoreDataModule(LightningDataModule):
         return self._store
 
     def _build(self, path: Path, parameters: dict[str, Any], fingerprint: str) -> None:
-        with StoreWriter(
-            path, self.name, parameters, fingerprint, self.joint_map_folders()
-        ) as writer:
+        with StoreWriter(path, self.name, parameters, fingerprint, self.joint_map()) as writer:
             total = self.recording_count()
             if self.max_recordings is not None and total is not None:
                 total = min(total, self.max_recordings)

@@ -10,8 +10,7 @@ from typing import Any
 from cospeech.corpus.recording import Recording
 from cospeech.errors import CospeechError
 from cospeech.formats.mocap import Take, find_takes, read_take
-from cospeech.motion.bvh import read_bvh_skeleton
-from cospeech.motion.joint_map import find_joint_map
+from cospeech.motion.joint_map import JointMap, load_joint_map
 from data_modules.base import Reader, StoreDataModule
 
 
@@ -26,7 +25,8 @@ class MocapData(StoreDataModule):
         speaker: Where a take's speaker is named: ``"folder"``, ``"prefix"`` or a regular
             expression (see `cospeech.formats.mocap.find_takes`).
         frame_rate: Frames per second of all BVH rows, for files whose header is wrong.
-        joint_maps: Folder with joint maps for skeletons that aren't known yet.
+        joint_map: Name of a packaged joint map or path of a yaml, for skeletons whose joint names
+            aren't known; null: found by the names.
         licence: Licence of the data, kept with each recording.
         split: ``"recordings"``, ``"speakers"`` or ``"time_blocks"``.
         val_share: Share for validation.
@@ -47,7 +47,7 @@ class MocapData(StoreDataModule):
         seed: int,
         speaker: str,
         frame_rate: float | None,
-        joint_maps: str | None,
+        joint_map: str | None,
         licence: str,
         split: str,
         val_share: float,
@@ -70,7 +70,7 @@ class MocapData(StoreDataModule):
             max_recordings,
         )
         self.speaker, self.frame_rate, self.licence = speaker, frame_rate, licence
-        self.joint_maps = joint_maps
+        self._joint_map = None if joint_map is None else load_joint_map(joint_map)
 
     @functools.cached_property
     def takes(self) -> list[Take]:
@@ -90,18 +90,18 @@ class MocapData(StoreDataModule):
             for path in (take.motion, take.audio, take.transcript)
             if path is not None
         ]
-        files += sorted(p for folder in self.joint_map_folders() for p in folder.glob("*.y*ml"))
         stats = [(str(path), path.stat()) for path in files]
         return {
             "files": [[name, stat.st_size, stat.st_mtime_ns] for name, stat in stats],
             "speaker": self.speaker,
             "frame_rate": self.frame_rate,
+            "joint_map": None if self._joint_map is None else repr(self._joint_map),
             "licence": self.licence,
         }
 
-    def joint_map_folders(self) -> list[Path]:
-        """The user's own joint maps, if any."""
-        return [] if self.joint_maps is None else [Path(self.joint_maps)]
+    def joint_map(self) -> JointMap | None:
+        """The user's choice, if any."""
+        return self._joint_map
 
     def recording_count(self) -> int:
         """Number of takes found."""
@@ -113,10 +113,6 @@ class MocapData(StoreDataModule):
             yield take.id, functools.partial(self._read, take)
 
     def _read(self, take: Take) -> Recording:
-        joint_map = None
-        if self.joint_maps is not None and take.motion is not None:
-            skeleton = read_bvh_skeleton(take.motion)
-            joint_map = find_joint_map(skeleton, self.joint_map_folders())
         return read_take(
-            take, frame_rate=self.frame_rate, joint_map=joint_map, licence=self.licence
+            take, frame_rate=self.frame_rate, joint_map=self._joint_map, licence=self.licence
         )

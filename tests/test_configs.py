@@ -48,7 +48,10 @@ def test_every_choice_of_the_other_groups_composes(group, name):
 @pytest.mark.parametrize("name", names("experiment"))
 def test_every_experiment_changes_what_it_names(name):
     model = name.split("_quick")[0]
-    plain_run, changed = composed(f"model={model}"), composed(f"model={model}", f"experiment={name}")
+    plain_run, changed = (
+        composed(f"model={model}"),
+        composed(f"model={model}", f"experiment={name}"),
+    )
     assert plain(plain_run, "model") != plain(changed, "model")
     assert set(plain(plain_run, "model")) == set(plain(changed, "model"))
 

@@ -16,7 +16,7 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowDataset, WindowLoader
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import EVALUATION_FRAMES, GestureEncoder
-from cospeech.metrics.encoder_files import load_any, load_encoder, save_encoder
+from cospeech.metrics.encoder import load_any, load_encoder, save_encoder
 
 BATCH_SIZE = 128
 """Windows per batch of the auto-encoder's training, as published (spec 2.4)."""

@@ -67,9 +67,7 @@ def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int)
 
 def _long_enough(store: Store, split: str) -> list[Span]:
     return [
-        span
-        for span in store.splits[split]
-        if span.stop - span.start >= protocol.EVALUATION_FRAMES
+        span for span in store.splits[split] if span.stop - span.start >= protocol.EVALUATION_FRAMES
     ]
 
 

@@ -161,17 +161,15 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             model, datamodule=cast(LightningDataModule, data), ckpt_path=_checkpoint(cfg, folder)
         )
     best = _best_checkpoint(trainer)
-    objective = None if best is None or best.best_model_score is None else float(
-        best.best_model_score
+    objective = (
+        None if best is None or best.best_model_score is None else float(best.best_model_score)
     )
     record.update(objective=objective)
 
     if best is not None and best.best_model_path:
         _load_weights(model, Path(best.best_model_path))
     if isinstance(model, MotionAutoencoder):
-        path = keep_encoder(
-            store, model.encoder(), cfg.training.epochs, cfg.seed
-        )
+        path = keep_encoder(store, model.encoder(), cfg.training.epochs, cfg.seed)
         logger.info("encoder kept in %s", path)
     if cfg.test and isinstance(model, GestureMethod):
         assert encoder is not None
@@ -343,7 +341,8 @@ def run_folder(parent: str, prefix: str, checkpoint: str | None) -> str:
     in_sweep = folder.parent.name == "studies"
     if checkpoint == "last":
         found = sorted(
-            path.parent for path in folder.glob(f"{prefix}-*/record.json")
+            path.parent
+            for path in folder.glob(f"{prefix}-*/record.json")
             if path.parent.name.removeprefix(prefix + "-").replace("-", "").isdigit()
         )
         if found:

@@ -5,13 +5,13 @@ import math
 import pytest
 import torch
 from lightning import Trainer, seed_everything
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, Dataset
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import InputFileError
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.motion_autoencoder.module import reconstruction_loss
-from cospeech.metrics.encoder_files import load_any
+from cospeech.metrics.encoder import load_any
 from cospeech.motion.codecs import DirectionVectorCodec, direction_vectors
 
 BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
@@ -32,11 +32,22 @@ def facts(positions):
     return {"words": [], "speakers": ["a"], "mean_direction": mean, "bone_lengths": BONES}
 
 
-def loader(positions, batch_size):
-    def collate(items):
-        return GestureBatch(torch.tensor([i for i, _ in items]), torch.stack([p for _, p in items]))
+class Batches(Dataset):
+    """Ready batches of the given sizes."""
 
-    return DataLoader(list(enumerate(positions)), batch_size, collate_fn=collate)
+    def __init__(self, positions, *sizes):
+        self.parts = positions.split(sizes)
+
+    def __len__(self):
+        return len(self.parts)
+
+    def __getitem__(self, index):
+        part = self.parts[index]
+        return GestureBatch(torch.arange(len(part)), part)
+
+
+def loader(positions, *sizes):
+    return DataLoader(Batches(positions, *sizes), batch_size=None)
 
 
 def trainer(folder, epochs):
@@ -70,7 +81,7 @@ def test_learns_a_few_windows(tmp_path):
     positions = waving(32)
     module = MotionAutoencoder(facts(positions), learning_rate=2e-3)
     features = module.codec.encode(positions)
-    data = loader(positions, batch_size=32)
+    data = loader(positions, 32)
     run = trainer(tmp_path, 100)
     run.fit(module, data, data)
     assert run.callback_metrics["val/reconstruction"].item() < 0.33 * features.abs().mean().item()
@@ -105,11 +116,8 @@ def test_validation_error_is_the_mean_over_windows(tmp_path):
     """Uneven validation batches, weighted by their size."""
     positions = waving(20)
     module = MotionAutoencoder(facts(positions))
-    batches = [
-        GestureBatch(torch.arange(len(part)), part) for part in (positions[:12], positions[12:])
-    ]
     run = trainer(tmp_path, 1)
-    logged = run.validate(module, DataLoader(batches, batch_size=None), verbose=False)[0]
+    logged = run.validate(module, loader(positions, 12, 8), verbose=False)[0]
     module.eval()
     features = module.codec.encode(positions)
     expected = (module(positions) - features).abs().mean().item()

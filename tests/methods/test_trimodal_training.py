@@ -1,17 +1,15 @@
 """The trimodal training step against the published one, and what each step may move."""
 
-import copy
-
 import numpy as np
 import pytest
 import torch
-from lightning import Callback, Trainer
-from tests.parity_formulas import SPEAKERS, WORDS, expected, fill, inputs
+from lightning import Trainer
 from torch import nn
 from torch.utils.data import DataLoader
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.methods.trimodal import Trimodal
+from tests.parity_formulas import SPEAKERS, WORDS, expected, fill, inputs
 
 WEIGHTS = {"huber": 500, "kld": 0.1, "diversity": 0.05, "adversarial": 5, "discriminator": 1}
 

@@ -13,8 +13,7 @@ from lightning import LightningModule
 from torchmetrics import MetricCollection
 
 from cospeech.metrics.acceleration_error import AccelerationError
-from cospeech.metrics.autoencoder import PoseAutoencoder
-from cospeech.metrics.encoder import GestureEncoder
+from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
 from cospeech.metrics.feature_distance import FeatureDistance
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.functional import acceleration_error, feature_distance, joint_mae
@@ -122,7 +121,7 @@ def test_warns_when_covariances_are_singular(encoder):
 def test_names_the_window_that_is_not_finite(encoder):
     positions = windows(5, 1)
     positions[3, 2, 1, 0] = float("nan")
-    with pytest.raises(ValueError, match="generated window 3 of the batch"):
+    with pytest.raises(ValueError, match="window 3 of the batch has"):
         FrechetGestureDistance(encoder).update(positions, real=False)
 
 
@@ -130,7 +129,8 @@ class Owner(LightningModule):
     def __init__(self, encoder):
         super().__init__()
         self.weight = torch.nn.Parameter(torch.zeros(1))
-        self.metrics = MetricCollection({"fgd": FrechetGestureDistance(encoder)})
+        self.fgd = FrechetGestureDistance(encoder)
+        self.collection = MetricCollection([self.fgd])
         self.features = FeatureDistance(encoder)
 
 
@@ -138,10 +138,10 @@ def test_encoder_belongs_to_no_module(encoder):
     owner = Owner(encoder).train()
     assert list(owner.state_dict()) == ["weight"]
     assert len(list(owner.parameters())) == 1
-    assert owner.metrics["fgd"].encoder is encoder
+    assert owner.fgd.encoder is encoder
     owner.half()
     assert encoder.mean_direction.dtype == torch.float32
-    assert owner.metrics["fgd"].real_total.dtype == torch.float64
+    assert owner.fgd.real_total.dtype == torch.float64
 
 
 def test_pickled_and_checkpointed_state_gives_the_same_value(encoder):

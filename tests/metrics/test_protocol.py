@@ -8,9 +8,7 @@ import pytest
 import torch
 
 from cospeech.metrics import protocol
-from cospeech.metrics.autoencoder import PoseAutoencoder
-from cospeech.metrics.encoder import GestureEncoder
-from cospeech.metrics.encoder_files import load_any
+from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder, load_any
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.noise_study import LEVELS, NoiseRow, plot_noise_study, run_noise_study
 from cospeech.motion.codecs import DirectionVectorCodec
@@ -67,6 +65,7 @@ def test_mismatch_within_the_only_recording_still_moves_every_window():
 def test_halves_share_no_recording_and_are_about_equal():
     ids = [recording for recording in range(12) for _ in range(5 + recording % 3)]
     mask = protocol._halves(ids, torch.Generator().manual_seed(0))
+    assert mask is not None
     sides = [{ids[i] for i in side.nonzero().flatten().tolist()} for side in (mask, ~mask)]
     assert not sides[0] & sides[1]
     assert abs(mask.float().mean().item() - 0.5) < 0.06
@@ -80,7 +79,9 @@ def ted_culture(folder):
     for that bone. Each frame is turned to face forward.
     """
     codec = DirectionVectorCodec([0.0] * 27, BONES)
-    real, model, ids = [], [], []
+    real: list[torch.Tensor] = []
+    model: list[torch.Tensor] = []
+    ids: list[str] = []
     for path in sorted(folder.glob("*.npz")):
         with np.load(path) as clip:
             for name, into in (("human_dir_vec", real), ("model_out_dir_vec", model)):

@@ -14,8 +14,11 @@ SPECTRUM = SPECTRUM / SPECTRUM.sum()
 
 
 def recordings(count, generator, windows=60, scale=1.0):
-    """Features of variance SPECTRUM, 30 % of it an offset that all windows of a recording share,
-    the rest correlated by .8 from one window to the next (the model of specs/metrics.md)."""
+    """Moments of features of variance SPECTRUM, as alike within a recording as gestures are.
+
+    30 % of the variance is an offset that all windows of a recording share; in the rest, each
+    window correlates by .8 with the next.
+    """
     noise = torch.randn(count, windows, SIZE, generator=generator)
     chain = [noise[:, 0]]
     for step in range(1, windows):
@@ -37,7 +40,8 @@ def test_estimate_and_jackknife_equal_leaving_out_by_hand():
 
     everything = np.ones(90, dtype=bool)
     left_out = [distance(np.array(ids) != recording) for recording in range(3)]
-    interval = fgd_interval(*(recording_moments(side, ids) for side in features))
+    real, generated = (recording_moments(side, ids) for side in features)
+    interval = fgd_interval(real, generated)
     assert interval.estimate == pytest.approx(distance(everything), rel=1e-9)
     assert interval.extrapolated == pytest.approx(
         3 * distance(everything) - 2 * np.mean(left_out), rel=1e-6
@@ -51,9 +55,8 @@ def test_interval_is_the_reflected_one():
     features = torch.randn(2, 6, 15, 3, generator=generator).double()
     features[1] *= 1.5
     ids = [recording for recording in range(6) for _ in range(15)]
-    interval = fgd_interval(
-        *(recording_moments(side.flatten(0, 1), ids) for side in features), resamples=50, seed=3
-    )
+    real, generated = (recording_moments(side.flatten(0, 1), ids) for side in features)
+    interval = fgd_interval(real, generated, resamples=50, seed=3)
     draws = torch.randint(6, (50, 6), generator=torch.Generator().manual_seed(3))
     values = []
     for draw in draws:
@@ -63,9 +66,7 @@ def test_interval_is_the_reflected_one():
         values.append(frechet_distance(*sides[0], *sides[1]).item())
     high, low = 2 * interval.estimate - np.quantile(values, [0.025, 0.975])
     assert (interval.low, interval.high) == pytest.approx((max(low, 0), max(high, 0)), rel=1e-9)
-    assert interval == fgd_interval(
-        *(recording_moments(side.flatten(0, 1), ids) for side in features), resamples=50, seed=3
-    )
+    assert interval == fgd_interval(real, generated, resamples=50, seed=3)
 
 
 def test_difference_cancels_between_identical_systems():

@@ -2,7 +2,6 @@
 
 import gzip
 import io
-import os
 import re
 
 import numpy as np
@@ -15,6 +14,7 @@ from cospeech.errors import CospeechError, InputFileError
 from cospeech.motion import bvh as bvh_module
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton, write_bvh
 from cospeech.motion.bvh_hierarchy import MAX_DEPTH, MAX_JOINTS
+from cospeech.motion.kinematics import skeleton_positions
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 
@@ -36,11 +36,13 @@ ROOT Hips
 }
 """
 ROWS = "0 100 0 0 0 0 0 0 0\n5 100 0 0 0 0 90 0 0\n0 100 0 0 0 90 0 0 0\n"
-EXPECTED = [
-    [[0, 1, 0], [0.1, 1, 0], [0.3, 1, 0]],
-    [[0.05, 1, 0], [0.15, 1, 0], [0.15, 1.2, 0]],
-    [[0, 1, 0], [0, 1, -0.1], [0, 1, -0.3]],
-]
+EXPECTED = np.array(
+    [
+        [[0, 1, 0], [0.1, 1, 0], [0.3, 1, 0]],
+        [[0.05, 1, 0], [0.15, 1, 0], [0.15, 1.2, 0]],
+        [[0, 1, 0], [0, 1, -0.1], [0, 1, -0.3]],
+    ]
+)
 REAL = [
     "zeggs/067_Speech_2_x_1_0.bvh",
     "beat/2_scott_0_1_1.bvh",
@@ -69,8 +71,10 @@ def test_positions_and_rotations_by_hand():
     assert motion.fps == 30.0
     assert motion.positions.dtype == np.float32
     np.testing.assert_allclose(motion.positions, EXPECTED, atol=1e-7)
+    assert motion.skeleton.offsets is not None
     np.testing.assert_allclose(motion.skeleton.offsets[0], [0.01, 0.9, 0.0])
     half = np.sqrt(0.5)
+    assert motion.rotations_local is not None
     np.testing.assert_allclose(motion.rotations_local[1, 1], [0, 0, half, half], atol=1e-7)
 
 
@@ -259,6 +263,7 @@ def test_a_file_without_frames_is_a_skeleton(shared):
     skeleton = read_bvh_skeleton(path)
     assert len(skeleton) - len(skeleton.end_sites) == 83
     assert skeleton.joints[:3] == ("body_world", "b_root", "b_spine0")
+    assert skeleton.offsets is not None
     np.testing.assert_allclose(skeleton.offsets[1], [0, 0.91593, 0])
     with pytest.raises(InputFileError, match="skeleton but no frames") as caught:
         read_bvh(path)
@@ -312,10 +317,9 @@ def test_damaged_files_give_motion_or_a_named_error(data):
             del damaged[place : place + data.draw(st.integers(1, 40))]
     try:
         motion = read(bytes(damaged).decode("latin-1"))
-    except InputFileError as error:
-        assert "<text stream>" in str(error)
-    else:
-        assert np.isfinite(motion.positions).all()
+    except InputFileError:
+        return
+    assert np.isfinite(motion.positions).all()
 
 
 # --- writing ----------------------------------------------------------------------------------
@@ -330,9 +334,13 @@ def test_real_recordings_survive_writing(shared, tmp_path, file, order):
     assert again.skeleton.parents == motion.skeleton.parents
     assert again.skeleton.end_sites == motion.skeleton.end_sites
     assert again.fps == motion.fps
+    assert again.skeleton.offsets is not None
+    assert motion.skeleton.offsets is not None
     np.testing.assert_allclose(again.skeleton.offsets, motion.skeleton.offsets, atol=1e-8)
     moved_mm = 1000 * np.linalg.norm(again.positions - motion.positions, axis=-1).max()
     assert moved_mm < 0.01
+    assert again.rotations_local is not None
+    assert motion.rotations_local is not None
     between = Rotation.from_quat(again.rotations_local.reshape(-1, 4)) * (
         Rotation.from_quat(motion.rotations_local.reshape(-1, 4)).inv()
     )
@@ -354,8 +362,6 @@ def test_joints_are_written_depth_first(tmp_path):
         np.array([[0, 0, 0], [0.1, 0, 0], [-0.1, 0, 0], [0.1, 0.2, 0], [-0.1, 0.3, 0.0]]),
     )
     rotations = Rotation.random(10, rng=np.random.default_rng(0)).as_quat().reshape(2, 5, 4)
-    from cospeech.motion.kinematics import skeleton_positions
-
     positions = skeleton_positions(skeleton, rotations, np.array([[0, 1.0, 0], [0, 1.1, 0]]))
     motion = Motion(skeleton, 15.0, positions, rotations.astype(np.float32))
     again = read_bvh(write_bvh(tmp_path / "a.bvh", motion))
@@ -375,8 +381,9 @@ def test_what_cannot_be_written_leaves_the_old_file(tmp_path):
     broken[1, 1, 1] = np.nan
     with pytest.raises(CospeechError, match="empty or has NaN"):
         write_bvh(path, Motion(motion.skeleton, 30.0, broken, motion.rotations_local))
+    assert motion.rotations_local is not None
     two = Skeleton("two", ("a", "b"), (-1, -1), np.zeros((2, 3)))
     with pytest.raises(CospeechError, match="one root"):
         write_bvh(path, Motion(two, 30.0, motion.positions[:, :2], motion.rotations_local[:, :2]))
     assert path.read_text() == "precious"
-    assert os.listdir(tmp_path) == ["take.bvh"]
+    assert list(tmp_path.iterdir()) == [path]

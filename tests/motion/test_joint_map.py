@@ -73,7 +73,7 @@ def test_rest_pose_of_talking_with_hands_faces_forward(shared):
     at = dict(zip(EVALUATION_JOINTS, body.positions[0], strict=True))
     # the sums of the file's offsets from b_spine2, in metres
     np.testing.assert_allclose(at["neck"], [0, 0.311771, 0.0152592], atol=1e-6)
-    np.testing.assert_allclose(at["left_shoulder"], [0.19166068, 0.20427340, 0.0172], atol=2e-3)
+    np.testing.assert_allclose(at["left_shoulder"], [0.19166068, 0.20427280, 0.01717969], atol=1e-6)
     assert at["left_wrist"][0] > 0.5
     assert at["right_wrist"][0] < -0.5
 
@@ -84,7 +84,7 @@ def test_namespaces_do_not_matter():
     prefixed = Skeleton("m", tuple(f"mixamorig:{name}" for name in plain.joints), plain.parents)
     assert find_joint_map(prefixed).name == "mixamo"
     positions = np.random.default_rng(0).normal(size=(3, len(plain), 3)).astype(np.float32)
-    still = np.tile(np.float32([0, 0, 0, 1]), (3, len(plain), 1))
+    still = np.tile(np.array([0, 0, 0, 1], np.float32), (3, len(plain), 1))
     np.testing.assert_array_equal(
         to_upper_body(Motion(prefixed, 30.0, positions, still)).positions,
         to_upper_body(Motion(plain, 30.0, positions, still)).positions,
@@ -144,13 +144,12 @@ def test_offsets_turn_with_their_joint():
 def test_doubts_name_their_cause():
     motion, _ = person([0.0])
     body = to_upper_body(motion)
-    swapped = np.float32([[0, 2, 1], [0, 1, 2]])
 
     def doubts(positions):
         return " ".join(doubts_about(Motion(UPPER_BODY, 15.0, positions.astype(np.float32))))
 
     assert doubts(body.positions) == ""
-    assert "may not be +y" in doubts(body.positions[..., swapped[0].astype(int)])
+    assert "may not be +y" in doubts(body.positions[..., [0, 2, 1]])
     assert "may not be +y" in doubts(body.positions * [1, -1, 1])
     assert "left and right" in doubts(body.positions * [-1, 1, 1])
     assert "nose is behind" in doubts(body.positions * [1, 1, -1])
@@ -219,7 +218,7 @@ def test_broken_maps_are_refused(tmp_path, content, match):
 
 
 def test_names_that_do_not_exist(tmp_path):
-    with pytest.raises(CospeechError, match="no joint map is called trinty; there are .*trinity"):
+    with pytest.raises(CospeechError, match=r"called 'trinty'; there are .*trinity"):
         load_joint_map("trinty")
     with pytest.raises(InputFileError, match="can't be read"):
         load_joint_map(tmp_path / "absent.yaml")

@@ -87,16 +87,18 @@ def test_two_bone_arm_by_hand():
     rotations = np.array(
         [[still, still, still], [quarter_z, still, still], [quarter_z, quarter_y, still]]
     )
-    expected = [
-        [[0, 1.4, 0], [0.3, 1.4, 0], [0.55, 1.4, 0]],
-        # the shoulder turned a quarter about z: the arm points up
-        [[0, 1.4, 0], [0, 1.7, 0], [0, 1.95, 0]],
-        # then the elbow bent a quarter about its own y: its x goes to its -z, which is the world's
-        [[0, 1.4, 0], [0, 1.7, 0], [0, 1.7, -0.25]],
-    ]
+    expected = np.array(
+        [
+            [[0, 1.4, 0], [0.3, 1.4, 0], [0.55, 1.4, 0]],
+            # the shoulder turned a quarter about z: the arm points up
+            [[0, 1.4, 0], [0, 1.7, 0], [0, 1.95, 0]],
+            # then the elbow a quarter about its own y: x goes to -z, which is also the world's
+            [[0, 1.4, 0], [0, 1.7, 0], [0, 1.7, -0.25]],
+        ]
+    )
     np.testing.assert_allclose(skeleton_positions(ARM, rotations), expected, atol=1e-7)
     moved = skeleton_positions(ARM, rotations, np.array([[1.0, 2.0, 3.0]] * 3))
-    np.testing.assert_allclose(moved, np.array(expected) + [1.0, 0.6, 3.0], atol=1e-6)
+    np.testing.assert_allclose(moved, np.add(expected, [1.0, 0.6, 3.0]), atol=1e-6)
 
 
 def test_forward_kinematics_against_matrix_chain(generator):
@@ -132,8 +134,10 @@ def test_heading_brings_right_to_left_onto_x():
     yaw = np.radians([0.0, 90.0, -135.0])
     left = np.stack([np.cos(yaw), [0.1, 0.0, -0.2], -np.sin(yaw)], axis=-1)
     angles = heading_angles(np.zeros((3, 3)), left)
+    assert angles is not None
     turned = turn_about_vertical(left, angles)
-    np.testing.assert_allclose(turned, [[1, 0.1, 0], [1, 0, 0], [1, -0.2, 0]], atol=1e-15)
+    expected = np.array([[1, 0.1, 0], [1, 0, 0], [1, -0.2, 0]])
+    np.testing.assert_allclose(turned, expected, atol=1e-15)
     # turning by +90 degrees about y takes z to x
     np.testing.assert_allclose(
         turn_about_vertical(np.array([[0.0, 0.0, 1.0]]), np.array([np.pi / 2])),
@@ -145,6 +149,7 @@ def test_heading_brings_right_to_left_onto_x():
 def test_heading_of_an_upright_line_is_the_last_one_known():
     left = np.array([[0, 1.0, 0], [0, 0, -1.0], [0, 1.0, 0], [1.0, 0, 0]])
     angles = heading_angles(np.zeros((4, 3)), left)
+    assert angles is not None
     np.testing.assert_allclose(angles, [-np.pi / 2, -np.pi / 2, -np.pi / 2, 0.0])
     assert heading_angles(np.zeros((2, 3)), np.array([[0, 1.0, 0]] * 2)) is None
 

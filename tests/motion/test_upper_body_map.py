@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech.metrics.encoder_files import import_published
+from cospeech.metrics.encoder import import_published
 from cospeech.motion.bvh import read_bvh
 from cospeech.motion.motion import resample_positions
 from cospeech.motion.upper_body import (

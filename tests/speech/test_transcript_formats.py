@@ -144,15 +144,14 @@ GOOGLE_PROTOBUF = [
         ]
     }
 ]
+WHISPER_WORDS = [
+    {"word": f" {word.text}", "start": word.start, "end": word.end, "probability": 0.9}
+    for word in HELLO_WORLD
+]
 WHISPER = {
     "text": " Hello world",
-    "segments": [
-        {"start": 0.5, "end": 1.0, "text": " hello", "words": [
-            {"word": " hello", "start": 0.5, "end": 1.0, "probability": 0.9}]},
-        {"start": 1.25, "end": 2.0, "text": " world", "words": [
-            {"word": " world", "start": 1.25, "end": 2.0, "probability": 0.9}]},
-    ],
-}  # fmt: skip
+    "segments": [{"start": 0.5, "text": "...", "words": [word]} for word in WHISPER_WORDS],
+}
 VOSK = {
     "result": [{"conf": 1, "word": w.text, "start": w.start, "end": w.end} for w in HELLO_WORLD]
 }
@@ -178,11 +177,12 @@ SAME_WORDS = {
     "speakers.json": json.dumps(GOOGLE_WITH_SPEAKERS),
     "protobuf.json": json.dumps(GOOGLE_PROTOBUF),
     "whisper.json": json.dumps(WHISPER),
-    "whisperx.json": json.dumps(WHISPER | {"word_segments": WHISPER["segments"][0]["words"]
-                                          + WHISPER["segments"][1]["words"]}),
+    "whisperx.json": json.dumps(WHISPER | {"word_segments": WHISPER_WORDS}),
     "vosk.json": json.dumps(VOSK),
     "mfa.json": json.dumps(ALIGNER_JSON),
-    "list.json": json.dumps([{"text": w.text, "start": w.start, "end": w.end} for w in HELLO_WORLD]),
+    "list.json": json.dumps(
+        [{"text": w.text, "start": w.start, "end": w.end} for w in HELLO_WORLD]
+    ),
     "triples.json": json.dumps([[w.text, w.start, w.end] for w in HELLO_WORLD]),
     "genea2022.tsv": "0.5\t1.0\thello\n1.25\t2.0\tworld\n",
     "header.tsv": "start\tend\tword\n0.0\t0.5\t\n0.5\t1.0\thello\n1.25\t2.0\tworld\n",
@@ -190,7 +190,7 @@ SAME_WORDS = {
     "nist.ctm": ";; comment\nrec 1 0.5 0.5 hello 0.9\nrec 1 1.0 0.25 <eps>\nrec 1 1.25 .75 world\n",
     "nist.txt": "2412 1 0.5 0.5 hello\n2412 1 1.25 0.75 world\n",
     "culture_with_timing.txt": "['hello ', 0.5, 1.0]\n[\"world\", 1.25, 2.0]\n",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("name", "content"), SAME_WORDS.items())
@@ -386,15 +386,28 @@ def bad_textgrid(old, new):
 
 
 BROKEN = [
-    ("a.TextGrid", LONG_TEXTGRID[:620], r"line 2\d: the file ends where .*\n  -> .*cut off"),
-    ("a.TextGrid", bad_textgrid("xmax = 1.0\n", "xmax = one\n"), r"line 21: expected an end time"),
+    ("a.TextGrid", LONG_TEXTGRID[:620], r"line 31: the file ends where .*\n  -> .*cut off"),
+    (
+        "a.TextGrid",
+        bad_textgrid("xmax = 1.0\n", "xmax = one\n"),
+        r"line 22: expected an end time, found .*hello",
+    ),
     ("a.TextGrid", bad_textgrid('"hello"', '"hello'), r"line \d+: expected"),
     ("a.TextGrid", bad_textgrid("xmax = 1.0\n", "xmax = 0.1\n"), "'hello' ends at 0.1 s, before"),
     ("a.TextGrid", bad_textgrid("size = 5", "size = 99999999999"), "number of intervals is 1e.11"),
     ("a.TextGrid", bad_textgrid('"TextGrid"', '"Sound 2"'), r"line 2: is not a TextGrid"),
-    ("a.TextGrid", bad_textgrid('"words"', '"x"').replace("TextTier", "IntervalTier")
-     .replace("mark", "xmax = 2 text"), r"no interval tier is called 'words' \(tiers: 'x', 'bell'"),
-    ("a.TextGrid", SHORT_TEXTGRID.replace("phones", "word"), "several tiers hold words .*'word', 'W"),
+    (
+        "a.TextGrid",
+        bad_textgrid('"words"', '"x"')
+        .replace("TextTier", "IntervalTier")
+        .replace("mark", "xmax = 2 text"),
+        r"no interval tier is called 'words' \(tiers: 'x', 'bell'",
+    ),
+    (
+        "a.TextGrid",
+        SHORT_TEXTGRID.replace("phones", "word"),
+        "several tiers hold words .*'word', 'W",
+    ),
     ("a.TextGrid", "ooBinaryFile\x08TextGrid\0\0", "binary form\n  -> in Praat"),
     ("a.TextGrid", "hello", "line 1: the file ends where"),
     ("a.json", "{", r"line 1, column 2: is not valid JSON|not valid JSON"),
@@ -404,11 +417,23 @@ BROKEN = [
     ("a.json", '{"foo": []}', "is JSON but not a transcript"),
     ("a.json", '[{"alternatives": 3}]', "no word in the transcript"),
     ("a.json", '{"words": [{"word": 3}]}', r"words\[0\]: expected a word"),
-    ("a.json", '{"words": [{"word": "a", "start": "x", "end": 1}]}', r"words\[0\]: 'x' is not a time"),
+    (
+        "a.json",
+        '{"words": [{"word": "a", "start": "x", "end": 1}]}',
+        r"words\[0\]: 'x' is not a time",
+    ),
     ("a.json", '{"words": [{"word": "a", "start": true, "end": 1}]}', r"True is not a time"),
     ("a.json", '{"words": [{"word": "a", "start": NaN, "end": 1}]}', r"the time of 'a' is nan"),
-    ("a.json", '{"words": [{"word": "a", "start": 0, "end": 1e300}]}', r"the time of 'a' is 1e\+300"),
-    ("a.tsv", "0.1\t0.2\ta\n0.3\tb\n", r"a\.tsv, line 2: expected start, end and word, found '0.3 b'"),
+    (
+        "a.json",
+        '{"words": [{"word": "a", "start": 0, "end": 1e300}]}',
+        r"the time of 'a' is 1e\+300",
+    ),
+    (
+        "a.tsv",
+        "0.1\t0.2\ta\n0.3\tb\n",
+        r"a\.tsv, line 2: expected start, end and word, found '0.3 b '",
+    ),
     ("a.tsv", "0.1\t0.2\t" + "a" * 2000, r"line 1: a word of 2000 letters"),
     ("a.tsv", "0.1\t0.2\t" + "a" * 10_000, r"line 1: a line of 10008 characters"),
     ("a.tsv", "0.5\t0.2\ta\n", r"line 1: 'a' ends at 0.2 s, before it starts at 0.5 s"),
@@ -416,12 +441,16 @@ BROKEN = [
     ("a.ctm", "r 1 0.1\n", "line 1: expected recording, channel, start"),
     ("a.ctm", "r 1 0.1 0.2\n", "line 1: no word"),
     ("a.txt", "['a', 0.1, 0.2]\n['b', 0.2]\n", r"line 2: expected \['word', start, end\]"),
-    ("a.txt", "['a', 0.1, 0.2]\n['b', __import__('os').getcwd(), 1]\n", r"line 2: expected \['word'"),
+    (
+        "a.txt",
+        "['a', 0.1, 0.2]\n['b', __import__('os').getcwd(), 1]\n",
+        r"line 2: expected \['word'",
+    ),
     ("a.txt", "['a', 0.1, 0.2]\n" + "(" * 4000, r"line 2: expected \['word'"),
     ("a.srt", "1\n00:00:01 --> 00:00:02\nhello\n", "line 2: expected times"),
     ("a.srt", "1\n00:00:03,000 --> 00:00:02,000\nhello\n", "'hello' ends at 2 s, before"),
     ("a.txt", "a\0b", "is a binary file"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("name", "content", "message"), BROKEN)

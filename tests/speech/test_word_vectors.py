@@ -114,8 +114,11 @@ def test_binary_vectors_are_means_of_word_and_subwords(model_file, matrix):
 
 def test_binary_handles_accents_and_the_end_of_sentence(model_file, matrix):
     model = FastTextModel.open(model_file, {"naïve", "</s>"})
-    np.testing.assert_allclose(model.vector("naïve"), mean_by_hand(matrix, "naïve"), rtol=1e-5)
-    np.testing.assert_array_equal(model.vector("</s>"), matrix[0])
+    naive, end_of_sentence = model.vector("naïve"), model.vector("</s>")
+    assert naive is not None
+    np.testing.assert_allclose(naive, mean_by_hand(matrix, "naïve"), rtol=1e-5)
+    assert end_of_sentence is not None
+    np.testing.assert_array_equal(end_of_sentence, matrix[0])
 
 
 def test_binary_without_subwords_knows_whole_words_only(tmp_path, matrix, caplog):

@@ -37,7 +37,7 @@ from cospeech.corpus.recording import Recording
 from cospeech.corpus.splits import SPLITS, Span
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.motion.codecs import direction_vectors
-from cospeech.motion.joint_map import find_joint_map
+from cospeech.motion.joint_map import JointMap
 from cospeech.motion.motion import Motion, resample_positions
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY, to_upper_body
@@ -94,7 +94,8 @@ class StoreWriter:
         name: Corpus name.
         parameters: How the corpus was made, as JSON values; kept in the manifest.
         fingerprint: Hash of the sources and parameters.
-        joint_map_folders: Folders with joint maps beside the packaged ones.
+        joint_map: Where the evaluation joints are in every skeleton; found by the joints' names
+            when None.
     """
 
     def __init__(
@@ -103,10 +104,10 @@ class StoreWriter:
         name: str,
         parameters: dict[str, Any],
         fingerprint: str,
-        joint_map_folders: Sequence[str | Path] = (),
+        joint_map: JointMap | None = None,
     ) -> None:
         self.path = path
-        self._joint_map_folders = tuple(joint_map_folders)
+        self._joint_map = joint_map
         self._building = path.with_name(f".{path.name}.building-{os.getpid()}")
         self._meta = {"name": name, "parameters": parameters, "fingerprint": fingerprint}
         self._files: dict[str, IO[bytes]] = {}
@@ -148,14 +149,13 @@ class StoreWriter:
                 f"recording {recording.id}: NaN or infinite position at frame {bad},"
                 f" joint {motion.skeleton.joints[joint]}"
             )
-        joint_map = find_joint_map(motion.skeleton, self._joint_map_folders)
-        upper = to_upper_body(motion, joint_map)
+        upper = to_upper_body(motion, self._joint_map)
         words = recording.speech.words or ()
         arrays: dict[str, NDArray[Any]] = {
             "positions": motion.positions.reshape(-1, 3),
-            "upper_body": resample_positions(
-                upper.positions, motion.fps, EVALUATION_FPS
-            ).reshape(-1, 30),
+            "upper_body": resample_positions(upper.positions, motion.fps, EVALUATION_FPS).reshape(
+                -1, 30
+            ),
             "audio": np.rint(np.clip(recording.speech.waveform, -1, 1) * 32767)[:, None],
             "words": np.array([(w.start, w.end, -1) for w in words]).reshape(-1, 3),
             "phases": np.zeros((0, 1))
@@ -331,9 +331,7 @@ class Store:
         }
         self.speaker_ids = {name: i + 1 for i, name in enumerate(manifest["speakers"])}
 
-    def _open(
-        self, stream: str, dtype: str, width: int, rows: int, rebuild: str
-    ) -> NDArray[Any]:
+    def _open(self, stream: str, dtype: str, width: int, rows: int, rebuild: str) -> NDArray[Any]:
         path = self.path / f"{stream}.bin"
         expected = np.dtype(dtype).itemsize * width * rows
         size = path.stat().st_size if path.is_file() else -1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -147,31 +148,45 @@ def plot_noise_study(rows: list[NoiseRow], path: str | Path) -> None:
         title, meaning = _PANELS[name]
         upper.set_title(title, fontsize=11)
         lower.set_xlabel(meaning, fontsize=10)
-        _bars(
-            upper,
-            [row.zeta for row in by_name[name]],
-            [("mean term", "#4c72b0", [row.mean_term for row in by_name[name]]),
-             ("covariance term", "#9db7dd", [row.covariance_term for row in by_name[name]])],
-        )  # fmt: skip
-        errors = [100 * row.joint_mae for row in by_name[name]]
-        _bars(lower, [row.zeta for row in by_name[name]], [("joint MAE", "#dd8452", errors)])
+        zetas, fgds, mean_terms, covariance_terms, errors = zip(
+            *(row[1:] for row in by_name[name]), strict=True
+        )
+        parts: list[tuple[str, str, Sequence[float]]] = [
+            ("mean term", "#4c72b0", mean_terms),
+            ("covariance term", "#9db7dd", covariance_terms),
+        ]
+        _bars(upper, zetas, parts, [f"{fgd:.3g}" for fgd in fgds])
+        centimetres = [100 * error for error in errors]
+        parts = [("joint MAE", "#dd8452", centimetres)]
+        _bars(lower, zetas, parts, [f"{error:.3g}" for error in centimetres])
     axes[0, 0].set_ylabel("FGD (feature units²)")
     axes[1, 0].set_ylabel("joint MAE (cm)")
     figure.legend(
         *axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False
     )
     figure.suptitle("Metrics under synthetic disturbances of real motion", x=0.01, ha="left")
-    figure.savefig(path, dpi=160)
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        figure.savefig(temporary, format=path.suffix.removeprefix("."), dpi=160)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
-def _bars(axis: Axes, zetas: list[float], parts: list[tuple[str, str, list[float]]]) -> None:
-    """Stacked bars with their total written on top."""
+def _bars(
+    axis: Axes,
+    zetas: Sequence[float],
+    parts: list[tuple[str, str, Sequence[float]]],
+    texts: list[str],
+) -> None:
+    """Stacked bars with a text on top of each stack."""
     places = range(len(zetas))
-    totals = [0.0] * len(zetas)
+    tops = [0.0] * len(zetas)
     for label, colour, heights in parts:
-        drawn = axis.bar(places, heights, bottom=totals, color=colour, label=label, width=0.7)
-        totals = [total + height for total, height in zip(totals, heights, strict=True)]
-    axis.bar_label(drawn, labels=[f"{total:.3g}" for total in totals], fontsize=8.5, padding=2)
+        drawn = axis.bar(places, heights, bottom=tops, color=colour, label=label, width=0.7)
+        tops = [top + height for top, height in zip(tops, heights, strict=True)]
+    axis.bar_label(drawn, labels=texts, fontsize=8.5, padding=2)
     axis.set_xticks(places, [f"{zeta:g}" for zeta in zetas])
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(axis="y", alpha=0.3)

@@ -66,7 +66,11 @@ def to_evaluation_windows(motion: Motion) -> Tensor:
 
 @torch.no_grad()
 def encode(encoder: GestureEncoder, positions: Tensor, batch_size: int = 512) -> Tensor:
-    """Features ``(n, 32)``, on the CPU, of windows ``(n, 34, 10, 3)``."""
+    """Features ``(n, 32)``, on the CPU, of windows ``(n, 34, 10, 3)``.
+
+    Raises:
+        ValueError: A coordinate is NaN or infinite.
+    """
     device = next(encoder.parameters()).device
     batches = [
         encoder.encode_positions(batch.to(device)).cpu() for batch in positions.split(batch_size)
@@ -112,7 +116,7 @@ def paired_row(
     Args:
         encoder: The frozen encoder.
         generated: ``(n, 34, 10, 3)`` windows of the system.
-        real: The real windows of the same speech, pair by pair.
+        real: The real windows of the same speech, pair by pair; both on the CPU.
         recording_ids: The recording of each window.
         seed: Of the interval's draws.
 

@@ -63,7 +63,7 @@ def read_bvh(
     values = _rows(data, rows_at, hierarchy, path)
     if frame_rate is None:
         frame_rate = _checked_rate(count, frame_time, len(values), path)
-    elif not frame_rate > 0:
+    elif not 0 < frame_rate < np.inf:
         raise ValueError(f"frame_rate must be positive, got {frame_rate}")
     translations, rotations = _local_pose(hierarchy, values, unit_scale)
     positions, _ = forward_kinematics(hierarchy.skeleton.parents, translations, rotations)

@@ -19,11 +19,11 @@ class Motion:
     Attributes:
         skeleton: The joints.
         fps: Frames per second.
-        positions: ``(T, J, 3)`` float32, metres. World space for recordings; root-relative (root at
-            the origin, heading removed) for upper-body and generated motion.
+        positions: ``(T, J, 3)`` float32, metres. World space for recordings; root-relative (root
+            at the origin, heading removed) for upper-body and generated motion.
         rotations_local: ``(T, J, 4)`` quaternions (x, y, z, w) of each joint relative to its
-            parent, where known. Together with ``positions[:, root]`` and the skeleton's offsets they
-            give the positions back.
+            parent, where known. Together with ``positions[:, root]`` and the skeleton's offsets
+            they give the positions back.
 
     Raises:
         ValueError: The shapes disagree or fps is not positive.

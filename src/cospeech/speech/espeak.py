@@ -195,14 +195,10 @@ class Engine:
             apart |= missing
         if len(heard) != len(tokens):
             split = next(tokens[token] for token in heard if heard.count(token) > 1)
-            raise EngineError(
-                f"espeak-ng speaks {split!r} as several words; write it out as words"
-            )
+            raise EngineError(f"espeak-ng speaks {split!r} as several words; write it out as words")
         return events, b"".join(self._samples)
 
-    def _synthesise(
-        self, tokens: list[str], apart: set[int]
-    ) -> list[tuple[int, int, int, str]]:
+    def _synthesise(self, tokens: list[str], apart: set[int]) -> list[tuple[int, int, int, str]]:
         pieces, starts, length = [], [], 0
         for index, token in enumerate(tokens):
             separator = "" if index == 0 else " | " if index in apart else " "

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import mmap
 import struct
-from collections.abc import Container
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,7 +61,7 @@ class FastTextModel:
         return self.rows.shape[1]
 
     @classmethod
-    def open(cls, path: Path, wanted: Container[str]) -> FastTextModel:
+    def open(cls, path: Path, wanted: Iterable[str]) -> FastTextModel:
         """Read the dictionary and map the matrix.
 
         Args:
@@ -118,7 +118,7 @@ class _Reader:
         self._data = data
         self._position = 0
 
-    def model(self, wanted: Container[str]) -> FastTextModel:
+    def model(self, wanted: Iterable[str]) -> FastTextModel:
         magic, version, dimensions, *settings, _ = self._unpack(_SETTINGS, "the settings")
         kind, buckets, shortest, longest = settings[6:10]
         if magic != MAGIC or version not in _VERSIONS:
@@ -148,7 +148,7 @@ class _Reader:
             buckets = 0
         return FastTextModel(rows, word_rows, words, buckets, max(shortest, 1), longest)
 
-    def _dictionary(self, wanted: Container[str]) -> tuple[dict[str, int], int, bool]:
+    def _dictionary(self, wanted: Iterable[str]) -> tuple[dict[str, int], int, bool]:
         """Rows of the wanted words, number of words, and whether buckets were pruned away."""
         size, words, labels, _, pruned = self._unpack(_DICTIONARY, "the dictionary")
         self._require(
@@ -156,13 +156,14 @@ class _Reader:
             f"a dictionary of {size} entries, {words} words, {labels} labels",
         )
         data, position = self._data, self._position
+        keys = {word.encode(): word for word in wanted}
         rows: dict[str, int] = {}
         for row in range(size):
             end = data.find(b"\0", position, position + _MAX_WORD_BYTES)
             if end < 0 or end + 10 > len(data):
                 raise self._error(f"entry {row} of the dictionary is broken")
-            word = data[position:end].decode(errors="replace")
-            if row < words and word in wanted:
+            word = keys.get(data[position:end])
+            if word is not None and row < words:
                 rows[word] = row
             position = end + 10  # the NUL, an int64 count, one byte for word or label
         self._position = position

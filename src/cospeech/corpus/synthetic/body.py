@@ -139,9 +139,7 @@ def _turn(angles: _Array) -> _Array:
     return euler_to_quaternion(angles[..., [1, 0, 2]] * (1, 1, -1), "YXZ")
 
 
-def _pose_arm(
-    rotations: _Array, side: int, hand: _Array, chest: _Array, elbow: float
-) -> None:
+def _pose_arm(rotations: _Array, side: int, hand: _Array, chest: _Array, elbow: float) -> None:
     """Fills in one arm; works in the frame of the chest, where the targets live."""
     name, sign = SIDES[side], (1.0, -1.0)[side]
     index, offsets = SKELETON.index, _offsets()
@@ -159,7 +157,7 @@ def _pose_arm(
     # rest frame: bone along ±x, palm down, thumb (the side the elbow flexes to) along +z
     x = sign * upper
     frame = np.stack([x, np.cross(bend, x), bend], axis=-1)
-    upper_in_chest = Rotation.from_matrix(frame).as_quat()
+    upper_in_chest = _quaternions(frame)
     rotations[:, index[f"{name}Arm"]] = multiply_quaternions(
         invert_quaternions(clavicle), upper_in_chest
     )
@@ -197,12 +195,21 @@ def _pose_leg(rotations: _Array, side: int, posture: Posture) -> None:
     thigh, bend, angle = _two_bones(ankle - hip_joint, pole, THIGH_M, SHIN_M)
     forward = -bend
     frame = np.stack([np.cross(-thigh, forward), -thigh, forward], axis=-1)
-    upper = Rotation.from_matrix(frame).as_quat()
+    upper = _quaternions(frame)
     knee = euler_to_quaternion(angle[:, None], "X")
     rotations[:, index[f"{name}UpLeg"]] = multiply_quaternions(invert_quaternions(hips), upper)
     rotations[:, index[f"{name}Leg"]] = knee
     shin = multiply_quaternions(upper, knee)
     rotations[:, index[f"{name}Foot"]] = multiply_quaternions(invert_quaternions(shin), foot_turn)
+
+
+def _quaternions(frames: _Array) -> _Array:
+    """Quaternions of rotation matrices ``(T, 3, 3)``, without jumps to the opposite sign."""
+    quaternions = Rotation.from_matrix(frames).as_quat()
+    same_side = np.sum(quaternions[1:] * quaternions[:-1], axis=-1) >= 0
+    signs = np.cumprod(np.where(same_side, 1.0, -1.0))
+    quaternions[1:] *= signs[:, None]
+    return quaternions
 
 
 def _two_bones(

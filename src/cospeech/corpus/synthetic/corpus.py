@@ -95,7 +95,12 @@ def build_take(take: TakePlan, utterances: list[Utterance], fps: float = 60) -> 
             for gesture, form, word, extent in zip(gestures, forms, words, extents, strict=True)
         ],
         "sentences": [
-            [line.sentence.text, round(float(start), 6), round(float(end), 6), round(line.arousal, 3)]
+            [
+                line.sentence.text,
+                round(float(start), 6),
+                round(float(end), 6),
+                round(line.arousal, 3),
+            ]
             for line, start, end in zip(
                 take.lines, spoken.line_starts, spoken.line_ends, strict=True
             )
@@ -109,9 +114,7 @@ def build_take(take: TakePlan, utterances: list[Utterance], fps: float = 60) -> 
         id=take.id,
         speaker=take.speaker.name,
         speech=spoken.speech,
-        motion=Motion(
-            SKELETON, fps, positions.astype(np.float32), rotations.astype(np.float32)
-        ),
+        motion=Motion(SKELETON, fps, positions.astype(np.float32), rotations.astype(np.float32)),
         phases=label_frames(phases, frames, fps),
         annotations=annotations,
         source=f"cospeech synthetic corpus v{GENERATOR_VERSION}, seed {take.seed}",

@@ -50,7 +50,9 @@ _TWO_HANDED_SHARE = {
     "other": 0.25,
     LISTING: 0.0,
 }
-_ONE_HANDED = frozenset(("left", "right", "up", "down", "forward", "back", "there", "number", "self"))
+_ONE_HANDED = frozenset(
+    ("left", "right", "up", "down", "forward", "back", "there", "number", "self")
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +154,13 @@ def choose_hands(
     return not is_right, is_right
 
 
+def continue_hands(concept: str, style: Style, previous: tuple[bool, bool]) -> tuple[bool, bool]:
+    """Hands of a gesture without preparation: those that are up, or the better of the two."""
+    if previous == (True, True) and concept in _ONE_HANDED:
+        return (False, True) if style.right_share > 0.5 else (True, False)
+    return previous
+
+
 def make_form(
     concept: str,
     word: str,
@@ -247,24 +256,25 @@ def _outline(
 def _beat(rng: np.random.Generator) -> _Outline:
     direction = str(rng.choice(["down", "down", "down", "outwards", "forward", "offer"]))
     if direction == "down":
-        return _Outline(
-            (0.17, -0.19, 0.28), (0.02, -0.13, 0.03), flexion=-0.25, flexion_move=0.4
-        )
+        return _Outline((0.17, -0.19, 0.28), (0.02, -0.13, 0.03), flexion=-0.25, flexion_move=0.4)
     if direction == "outwards":
         return _Outline((0.13, -0.23, 0.28), (0.12, -0.05, 0.02), arc=(0.0, 0.02, 0.02))
     if direction == "forward":
         return _Outline((0.17, -0.22, 0.24), (0.02, -0.05, 0.12), flexion=-0.2, flexion_move=0.3)
-    return _Outline(
-        (0.15, -0.21, 0.26), (0.08, -0.08, 0.06), "open", 0.2, pronation_move=-0.9
-    )
+    return _Outline((0.15, -0.21, 0.26), (0.08, -0.08, 0.06), "open", 0.2, pronation_move=-0.9)
 
 
 def _counting(word: str) -> _Outline:
     shown = FINGERS_FOR_NUMBER.get(word.lower(), 5)
     shape = f"count{shown}"
     return _Outline(
-        (0.19, -0.20, 0.30), (0.0, 0.05, 0.03), shape, -0.5, flexion=-0.4,
-        cosine=(0.0, -0.02, 0.0), cycles=2,
+        (0.19, -0.20, 0.30),
+        (0.0, 0.05, 0.03),
+        shape,
+        -0.5,
+        flexion=-0.4,
+        cosine=(0.0, -0.02, 0.0),
+        cycles=2,
     )
 
 
@@ -285,16 +295,19 @@ _OUTLINES: dict[str, _Outline] = {
     "forward": _Outline((0.16, -0.20, 0.23), (0.0, 0.03, 0.21), "flat", 0.2),
     "back": _Outline((0.22, -0.20, 0.33), (0.06, 0.16, -0.22), "flat", -0.1, flexion=-0.2),
     "there": _Outline((0.17, -0.21, 0.25), (0.11, 0.07, 0.17), "point", 0.7),
-    "self": _Outline((0.15, -0.24, 0.29), (-0.12, 0.05, -0.13), "flat", 0.1, flexion=0.35),
-    "other": _Outline(
-        (0.15, -0.25, 0.24), (0.06, 0.04, 0.18), "flat", -0.5, pronation_move=-0.5
-    ),
+    "self": _Outline((0.15, -0.24, 0.29), (-0.12, 0.09, -0.13), "flat", 0.1, flexion=0.35),
+    "other": _Outline((0.15, -0.25, 0.24), (0.06, 0.04, 0.18), "flat", -0.5, pronation_move=-0.5),
     "negation": _Outline(
         (0.05, -0.20, 0.32), (0.24, -0.03, -0.01), "flat", 1.2, flexion=-0.1, arc=(0.0, -0.02, 0.03)
     ),
     "cycle": _Outline(
-        (0.16, -0.21, 0.27), (0.03, 0.0, 0.03), "relaxed", 0.2,
-        sine=(0.0, 0.065, 0.0), cosine=(0.0, 0.0, 0.055), cycles=2,
+        (0.16, -0.21, 0.27),
+        (0.03, 0.0, 0.03),
+        "relaxed",
+        0.2,
+        sine=(0.0, 0.065, 0.0),
+        cosine=(0.0, 0.0, 0.055),
+        cycles=2,
     ),
     "uncertain": _Outline(
         (0.14, -0.28, 0.27), (0.12, 0.06, 0.02), "open", -0.4, pronation_move=-0.7

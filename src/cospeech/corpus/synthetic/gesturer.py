@@ -13,6 +13,7 @@ from cospeech.corpus.synthetic.forms import (
     RIGHT,
     Form,
     choose_hands,
+    continue_hands,
     make_form,
     relaxed_pose,
     rest_pose,
@@ -27,6 +28,8 @@ _Array = NDArray[np.float64]
 _LOUDNESS_GAIN = 0.09  # natural logarithm of size per standard deviation of the syllable's level
 _AROUSAL_GAIN = 0.35
 _LONG_REST_S = 1.3
+_MEAN_SPEED = 1.4  # m/s at most over a phase; minimum jerk peaks at 1.9 times that
+_IDLE_MEAN_SPEED = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +131,19 @@ def plan_hands(
             if gesture.prepared or previous is None:
                 hands = choose_hands(gesture.cause.concept, style, previous, rng)
             else:
-                hands = previous
+                hands = continue_hands(gesture.cause.concept, style, previous)
             size = float(sizes[index] * np.exp(rng.normal(0, 0.08)))
             forms.append(
                 make_form(
-                    gesture.cause.concept, words[index], gesture.cause.list_position, hands,
-                    pose, gesture.prepared, size, style, rng,
+                    gesture.cause.concept,
+                    words[index],
+                    gesture.cause.list_position,
+                    hands,
+                    pose,
+                    gesture.prepared,
+                    size,
+                    style,
+                    rng,
                 )
             )
         return forms[index]
@@ -143,7 +153,8 @@ def plan_hands(
         arc, sine, cosine, cycles = still, still, still, 1
         if phase.label == "preparation":
             form = form_of(phase.gesture)
-            target = _with_idle_hand(form, pose, rest, rng)
+            target = _with_idle_hand(form, pose, rest, length, rng)
+            target = _in_time(pose, target, length)
             arc = _curve(pose, target, rng)
         elif phase.label in ("stroke", "independent_hold"):
             form = form_of(phase.gesture)
@@ -154,12 +165,13 @@ def plan_hands(
             if gestures[phase.gesture].cause.concept == INDEPENDENT_HOLD:
                 target = _drift(pose, length, rng)
             else:
-                arc, sine, cosine, cycles = form.arc, form.sine, form.cosine, form.cycles
+                cycles = form.cycles
+                target, arc, sine, cosine = _stroke_in_time(pose, target, form, length)
         elif phase.label == "partial_retract":
             target = 0.25 * pose + 0.75 * relaxed_pose(style, rng)
             arc = _curve(pose, target, rng)
         elif phase.label == "retract":
-            target = _jitter(rest, 0.015, rng)
+            target = _in_time(pose, _jitter(rest, 0.015, rng), length)
             arc = _curve(pose, target, rng)
         else:
             target = _drift(pose, length, rng)
@@ -198,7 +210,33 @@ def stroke_extents(paths: HandPaths, gestures: list[Gesture], forms: list[Form])
     return extents
 
 
-def _with_idle_hand(form: Form, pose: _Array, rest: _Array, rng: np.random.Generator) -> _Array:
+def _norm(hands: _Array) -> _Array:
+    """Distance ``(2, 1)`` that each hand's position spans."""
+    square: _Array = np.sum(hands[:, POSITION] ** 2, axis=-1, keepdims=True)
+    return np.sqrt(square)
+
+
+def _in_time(pose: _Array, target: _Array, length: float) -> _Array:
+    """The target, or as far towards it as a hand can get in ``length`` seconds."""
+    way = target - pose
+    return pose + way * np.minimum(1, _MEAN_SPEED * length / (_norm(way) + 1e-9))
+
+
+def _stroke_in_time(
+    pose: _Array, target: _Array, form: Form, length: float
+) -> tuple[_Array, _Array, _Array, _Array]:
+    """Target, arc, sine and cosine of a stroke, shrunk together where time is short."""
+    way = target - pose
+    turns = 2 * np.pi * form.cycles * np.maximum(_norm(form.sine), _norm(form.cosine))
+    # to the middle of an arc and back in the same time is about as fast as 1.7 of its height
+    effort = _norm(way) + 1.7 * _norm(form.arc) + turns
+    share = np.minimum(1, _MEAN_SPEED * length / (effort + 1e-9))
+    return pose + way * share, form.arc * share, form.sine * share, form.cosine * share
+
+
+def _with_idle_hand(
+    form: Form, pose: _Array, rest: _Array, length: float, rng: np.random.Generator
+) -> _Array:
     """The form's start; a hand it doesn't use sinks towards its rest or stays."""
     target = form.start.copy()
     for side in (LEFT, RIGHT):
@@ -207,7 +245,9 @@ def _with_idle_hand(form: Form, pose: _Array, rest: _Array, rng: np.random.Gener
             continue
         target[side] = pose[side]
         if luck < 0.5:
-            sunk = 0.4 + 0.6 * depth
+            # without hurry: nobody looks at this hand
+            far = float(_norm(rest - pose)[side, 0])
+            sunk = min(0.4 + 0.6 * depth, _IDLE_MEAN_SPEED * length / (far + 1e-9))
             target[side] = (1 - sunk) * pose[side] + sunk * rest[side]
     return target
 

@@ -147,9 +147,7 @@ def place_strokes(
         length = float(np.clip(length, 0.28, max(room - _SHORTEST_PREPARATION_S, 0.3)))
         before = gestures[-1].end if gestures else 0.0
         prepared = not chains or starts[i] - before > 1.0
-        gestures.append(
-            Gesture(cause, float(starts[i]), float(starts[i]) + length, prepared, line)
-        )
+        gestures.append(Gesture(cause, float(starts[i]), float(starts[i]) + length, prepared, line))
     return gestures
 
 
@@ -209,7 +207,11 @@ def fill_phases(
 
 
 def _between(
-    start: float, index: int, following: Gesture, new_line: bool, style: Style,
+    start: float,
+    index: int,
+    following: Gesture,
+    new_line: bool,
+    style: Style,
     rng: np.random.Generator,
 ) -> list[tuple[str, float, int]]:
     """Labels, ends and owners of the phases between one stroke's end and the next one's start."""

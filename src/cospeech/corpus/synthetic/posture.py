@@ -68,14 +68,14 @@ def make_posture(
         if line.sentence.opens_topic
     ]
     # at a new topic the weight goes to the other foot and the body turns a little
-    shifts = _steps(times, [t - 0.6 for t in openings], (0.035, 0.020, 0.10), 1.1, rng)
+    shifts = _steps(times, [t - 0.6 for t in openings], (0.025, 0.015, 0.10), 1.1, rng)
     sway = wander(times, 6, 0.04, 0.35, rng) * style.sway
     hips = np.empty((len(times), 3))
     aside = shifts[:, 0] * style.sway + 0.010 * sway[:, 0]
     ahead = shifts[:, 1] * style.sway + 0.008 * sway[:, 1]
     hips[:, 0] = aside * np.cos(heading) + ahead * np.sin(heading)
     hips[:, 2] = ahead * np.cos(heading) - aside * np.sin(heading)
-    hips[:, 1] = STANDING_HEIGHT_M - 0.006 + 0.0015 * sway[:, 2] - 0.9 * (aside**2 + ahead**2)
+    hips[:, 1] = STANDING_HEIGHT_M - 0.003 + 0.001 * sway[:, 2] - 0.9 * (aside**2 + ahead**2)
     hips_turn = np.zeros((len(times), 3))
     hips_turn[:, 0] = 0.02 + 0.008 * sway[:, 3]
     hips_turn[:, 1] = heading + shifts[:, 2] * style.sway + 0.02 * sway[:, 4]
@@ -106,7 +106,10 @@ def make_posture(
 
 
 def _steps(
-    times: _Array, moments: list[float], sizes: tuple[float, ...], length: float,
+    times: _Array,
+    moments: list[float],
+    sizes: tuple[float, ...],
+    length: float,
     rng: np.random.Generator,
 ) -> _Array:
     """Positions ``(T, len(sizes))`` that change by minimum jerk at each moment."""

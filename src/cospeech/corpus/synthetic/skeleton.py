@@ -53,7 +53,7 @@ _LEG: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
 MID_SHOULDERS_M = np.array([0.0, 0.080, 0.030])
 """The point between the shoulders in the frame of Spine3: the origin of the gesture space."""
 
-STANDING_HEIGHT_M = ANKLE_HEIGHT_M + THIGH_M + SHIN_M - 0.008
+STANDING_HEIGHT_M = ANKLE_HEIGHT_M + THIGH_M + SHIN_M - 0.003
 """Height of the hips over the floor; the knees are a little bent."""
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.metrics.autoencoder import PoseAutoencoder
+from cospeech.metrics.encoder import PoseAutoencoder
 from cospeech.metrics.encoder import (
     EVALUATION_FPS,
     EVALUATION_FRAMES,

@@ -66,15 +66,14 @@ def encode_audio(speech: Speech) -> dict[str, Any] | None:
     as_mp3 = "MP3" in soundfile.available_formats()
     buffer = io.BytesIO()
     if as_mp3:
-        # constant bit rate: every frame decodes alike in every browser
         soundfile.write(
             buffer,
             speech.waveform,
             SAMPLE_RATE,
             format="MP3",
             subtype="MPEG_LAYER_III",
-            compression_level=0.5,
-            bitrate_mode="CONSTANT",
+            compression_level=0.7,
+            bitrate_mode="VARIABLE",
         )
     else:
         soundfile.write(buffer, speech.waveform, SAMPLE_RATE, format="WAV", subtype="PCM_16")

@@ -11,6 +11,7 @@ from cospeech.errors import InputFileError
 from cospeech.speech.transcript.entries import Entries, Entry
 
 _TEXT_KEYS = ("word", "text", "label")
+_LIST_KEYS = ("word_segments", "words", "result")  # the first is WhisperX's, beside its segments
 _START_KEYS = ("start", "start_time", "startTime", "startOffset", "start_offset")
 _END_KEYS = ("end", "end_time", "endTime", "endOffset", "end_offset")
 _KNOWN_SHAPES = (
@@ -30,6 +31,7 @@ def parse_json(path: Path, text: str) -> Entries:
     """
     try:
         document = json.loads(text)
+        items = list(_word_items(path, document))
     except json.JSONDecodeError as error:
         raise InputFileError(
             path,
@@ -39,7 +41,6 @@ def parse_json(path: Path, text: str) -> Entries:
         ) from error
     except (RecursionError, ValueError) as error:  # bracket towers, integers of 5000 digits
         raise InputFileError(path, f"is not a transcript ({error})", hint=_KNOWN_SHAPES) from error
-    items = list(_word_items(path, document))
     if items:
         return Entries(tuple(_entry(path, place, item) for place, item in items))
     phrases = [
@@ -71,12 +72,8 @@ def _word_items(path: Path, document: Any) -> Iterator[_Item]:
             for place, item in _children(tier, "entries"):
                 if isinstance(item, list) and len(item) == 3:  # aligner order: start, end, label
                     yield f"tiers.{name}.{place}", [item[2], item[0], item[1]]
-    elif any(isinstance(document.get(key), list) for key in ("word_segments", "words", "result")):
-        # WhisperX repeats in word_segments what its segments hold
-        for key in ("word_segments", "words", "result"):
-            if isinstance(document.get(key), list):
-                yield from _children(document, key)
-                return
+    elif key := next((key for key in _LIST_KEYS if isinstance(document.get(key), list)), None):
+        yield from _children(document, key)
     elif isinstance(document.get("segments"), list):
         for place, segment in _children(document, "segments"):
             for inner, item in _children(segment, "words"):

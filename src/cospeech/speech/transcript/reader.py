@@ -138,7 +138,7 @@ def _read_text(path: Path) -> str:
         )
     if "\0" in text:
         raise InputFileError(
-            path, "is a binary file", hint="give a text file; see the formats in the manual"
+            path, "is a binary file", hint="give a TextGrid, JSON, TSV, CTM, SRT, VTT or txt file"
         )
     return text
 

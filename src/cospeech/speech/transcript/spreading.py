@@ -52,7 +52,8 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
 
     Words an aligner could not find share the gap between their timed neighbours in proportion to
     their letters (a single one takes its neighbours' times, as the published code does). Before the
-    first and after the last timed word they are laid out at the transcript's median pace.
+    first and after the last timed word they are laid out at the transcript's median pace, as is
+    the other end of a word with one time.
 
     Args:
         path: For messages.
@@ -61,10 +62,12 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
     Raises:
         InputFileError: No entry has a time.
     """
-    filled = list(entries)
-    is_timed = [entry.start is not None and entry.end is not None for entry in entries]
-    if all(is_timed):
-        return filled
+    incomplete = sum(entry.start is None or entry.end is None for entry in entries)
+    if not incomplete:
+        return list(entries)
+    pace = _median_letter_s(entries)
+    filled = [_with_other_end(entry, pace) for entry in entries]
+    is_timed = [entry.start is not None for entry in filled]
     if not any(is_timed):
         raise InputFileError(
             path,
@@ -73,46 +76,46 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
             "the text as a .txt file to have it spread over the audio",
         )
     _log.warning(
-        "%s: %d of %d words have no time; placed by their neighbours",
-        path,
-        is_timed.count(False),
-        len(entries),
+        "%s: %d of %d words lack times; placed by their neighbours", path, incomplete, len(entries)
     )
-    pace = _median_letter_s(entries)
     first = 0
-    while first < len(entries):
-        if is_timed[first]:
-            first += 1
-            continue
+    while first < len(filled):
         stop = first
-        while stop < len(entries) and not is_timed[stop]:
+        while stop < len(filled) and not is_timed[stop]:
             stop += 1
-        run = entries[first:stop]
-        length = pace * sum(max(1, letters(entry.text)) for entry in run)
-        before = entries[first - 1].end if first else None
-        after = entries[stop].start if stop < len(entries) else None
-        # at least one neighbour is timed, else this line would not be reached
-        start = before if before is not None else max(0.0, (after or 0.0) - length)
-        end = after if after is not None else start + length
-        filled[first:stop] = _share(run, start, max(start, end))
-        first = stop
+        if stop > first:
+            before = filled[first - 1].end if first else None
+            after = filled[stop].start if stop < len(filled) else None
+            filled[first:stop] = _between(filled[first:stop], before, after, pace)
+        first = stop + 1
     return filled
 
 
-def _share(run: Sequence[Entry], start: float, end: float) -> list[Entry]:
-    """The run laid out over [start, end]; the one time an entry does have is kept."""
+def _with_other_end(entry: Entry, pace: float) -> Entry:
+    length = pace * max(1, letters(entry.text))
+    start, end = entry.start, entry.end
+    if start is not None and end is None:
+        end = start + length
+    elif end is not None and start is None:
+        start = min(end, max(0.0, end - length))
+    return Entry(entry.text, start, end, entry.place)
+
+
+def _between(
+    run: Sequence[Entry], before: float | None, after: float | None, pace: float
+) -> list[Entry]:
+    """The run laid out from the end of the word before it to the start of the word after it."""
     weights = [max(1, letters(entry.text)) for entry in run]
-    shared, before = [], 0
+    length = pace * sum(weights)
+    start = before if before is not None else min(after or 0.0, max(0.0, (after or 0.0) - length))
+    end = max(start, after) if after is not None else start + length
+    laid_out, done = [], 0
     for entry, weight in zip(run, weights, strict=True):
-        share_start = start + (end - start) * before / sum(weights)
-        before += weight
-        share_end = start + (end - start) * before / sum(weights)
-        if entry.start is not None:
-            share_start, share_end = entry.start, max(entry.start, share_end)
-        elif entry.end is not None:
-            share_start, share_end = min(entry.end, share_start), entry.end
-        shared.append(Entry(entry.text, share_start, share_end, entry.place))
-    return shared
+        share_start = start + (end - start) * done / sum(weights)
+        done += weight
+        share_end = start + (end - start) * done / sum(weights)
+        laid_out.append(Entry(entry.text, share_start, share_end, entry.place))
+    return laid_out
 
 
 def _median_letter_s(entries: Sequence[Entry]) -> float:

@@ -23,7 +23,7 @@ def parse_subtitles(path: Path, text: str) -> Entries:
     Raises:
         InputFileError: A line with ``-->`` holds no two times.
     """
-    cues: list[Entry] = []
+    cues: list[tuple[float, float, str, list[str]]] = []
     is_text = False
     previous_line = -1
     for place, line in numbered_lines(path, text):
@@ -41,13 +41,12 @@ def parse_subtitles(path: Path, text: str) -> Entries:
                     "a cue starts with 00:00:01,000 --> 00:00:02,500",
                 )
             start, end = _seconds(times.groups()[:4]), _seconds(times.groups()[4:])
-            cues.append(Entry("", start, end, place))
+            cues.append((start, end, place, []))
             is_text = True
         elif is_text:
-            cue = cues[-1]
-            spoken = html.unescape(_MARKUP.sub(" ", line)).strip()
-            cues[-1] = Entry(f"{cue.text} {spoken}".strip(), cue.start, cue.end, cue.place)
-    return Entries(tuple(cues), are_phrases=True)
+            cues[-1][3].append(html.unescape(_MARKUP.sub(" ", line)))
+    entries = (Entry(" ".join(lines), start, end, place) for start, end, place, lines in cues)
+    return Entries(tuple(entries), are_phrases=True)
 
 
 def _seconds(clock: tuple[str | None, ...]) -> float:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import copy
 import hashlib
 from collections.abc import Sequence
-from typing import Self, cast
+from typing import Self
 
 import torch
 from torch import Tensor, nn
 
-from cospeech.metrics.autoencoder import FEATURE_SIZE, POSE_SIZE, PoseAutoencoder
+from cospeech.metrics.encoder.network import FEATURE_SIZE, POSE_SIZE, PoseAutoencoder
 from cospeech.motion.codecs import direction_vectors
 
 EVALUATION_FRAMES = 34
@@ -36,6 +36,8 @@ class GestureEncoder(nn.Module):
     """
 
     size = FEATURE_SIZE
+    mean_direction: Tensor
+    axes: Tensor
 
     def __init__(
         self,
@@ -75,8 +77,8 @@ class GestureEncoder(nn.Module):
 
     def to_features(self, positions: Tensor) -> Tensor:
         """Positions ``(..., 10, 3)`` in house axes to the network's input ``(..., 27)``."""
-        directions = direction_vectors(positions.float()) * cast(Tensor, self.axes)
-        return directions.flatten(-2) - cast(Tensor, self.mean_direction)
+        directions = direction_vectors(positions.float()) * self.axes
+        return directions.flatten(-2) - self.mean_direction
 
     def forward(self, features: Tensor) -> Tensor:
         """Latent means ``(B, 32)`` of mean-subtracted direction vectors ``(B, T, 27)``.
@@ -107,9 +109,16 @@ class GestureEncoder(nn.Module):
         Bone lengths don't matter: only the bones' directions are encoded.
 
         Raises:
-            ValueError: As `forward`.
+            ValueError: As `forward`, or a coordinate is NaN or infinite.
         """
-        return self(self.to_features(positions))
+        finite = positions.isfinite().flatten(1).all(1)
+        if not finite.all():
+            first = int(finite.logical_not().nonzero()[0])
+            raise ValueError(
+                f"window {first} of the batch has a coordinate that is NaN or infinite"
+            )
+        latent: Tensor = self(self.to_features(positions))
+        return latent
 
     def _require_windows(self, features: Tensor) -> None:
         if features.ndim != 3 or features.shape[1:] != (self.frames, POSE_SIZE):

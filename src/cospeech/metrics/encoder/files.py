@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import pickle
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,8 +15,8 @@ import torch
 from torch import Tensor
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.metrics.autoencoder import POSE_SIZE, PoseAutoencoder, flattened_size
-from cospeech.metrics.encoder import EVALUATION_FRAMES, GestureEncoder
+from cospeech.metrics.encoder.frozen import EVALUATION_FRAMES, GestureEncoder
+from cospeech.metrics.encoder.network import POSE_SIZE, PoseAutoencoder, flattened_size
 from cospeech.motion.upper_body import TED_AXES
 
 FORMAT = "cospeech.gesture_encoder"
@@ -49,14 +48,13 @@ def save_encoder(encoder: GestureEncoder, path: str | Path) -> None:
     }
     state = {name: tensor.cpu() for name, tensor in encoder.state_dict().items()}
     path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with os.fdopen(descriptor, "wb") as file:
-            torch.save({"format": FORMAT, "metadata": json.dumps(metadata), "state": state}, file)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        content = {"format": FORMAT, "metadata": json.dumps(metadata), "state": state}
+        torch.save(content, temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def load_encoder(path: str | Path) -> GestureEncoder:

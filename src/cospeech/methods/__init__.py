@@ -1,0 +1,1 @@
+"""The methods: one folder each; what they owe to evaluation is in `base`."""

@@ -1,0 +1,29 @@
+"""The encoder behind every Fréchet gesture distance: network, frozen encoder, files."""
+
+from cospeech.metrics.encoder.files import (
+    import_published,
+    load_any,
+    load_encoder,
+    save_encoder,
+)
+from cospeech.metrics.encoder.frozen import (
+    EVALUATION_FPS,
+    EVALUATION_FRAMES,
+    EVALUATION_STRIDE,
+    GestureEncoder,
+)
+from cospeech.metrics.encoder.network import FEATURE_SIZE, POSE_SIZE, PoseAutoencoder
+
+__all__ = [
+    "EVALUATION_FPS",
+    "EVALUATION_FRAMES",
+    "EVALUATION_STRIDE",
+    "FEATURE_SIZE",
+    "POSE_SIZE",
+    "GestureEncoder",
+    "PoseAutoencoder",
+    "import_published",
+    "load_any",
+    "load_encoder",
+    "save_encoder",
+]
