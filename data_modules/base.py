@@ -65,7 +65,7 @@ class StoreDataModule(LightningDataModule):
         super().__init__()
         if split not in ("recordings", "speakers", "time_blocks"):
             raise ConfigError(f"data.split={split}: choose recordings, speakers or time_blocks")
-        self.name, self.store_dir = name, Path(store_dir)
+        self.corpus_name, self.store_dir = name, Path(store_dir)
         self.batch_size, self.seed = batch_size, seed
         self.split, self.val_share, self.test_share = split, val_share, test_share
         self.split_seed, self.strict = split_seed, strict
@@ -96,7 +96,7 @@ class StoreDataModule(LightningDataModule):
         """Everything the store's content depends on."""
         return {
             "schema": SCHEMA_VERSION,
-            "corpus": self.name,
+            "corpus": self.corpus_name,
             "sources": self.sources(),
             "split": [self.split, self.val_share, self.test_share, self.split_seed],
             "max_recordings": self.max_recordings,
@@ -111,7 +111,7 @@ class StoreDataModule(LightningDataModule):
             parameters = self.store_parameters()
             text = json.dumps(parameters, sort_keys=True)
             fingerprint = hashlib.sha256(text.encode()).hexdigest()
-            path = self.store_dir / f"{self.name}-{fingerprint[:10]}"
+            path = self.store_dir / f"{self.corpus_name}-{fingerprint[:10]}"
             if not (path / "manifest.json").is_file():
                 self.store_dir.mkdir(parents=True, exist_ok=True)
                 lock = FileLock(str(self.store_dir / f".{path.name}.lock"))
@@ -129,12 +129,12 @@ class StoreDataModule(LightningDataModule):
         return self._store
 
     def _build(self, path: Path, parameters: dict[str, Any], fingerprint: str) -> None:
-        with StoreWriter(path, self.name, parameters, fingerprint, self.joint_map()) as writer:
+        with StoreWriter(path, self.corpus_name, parameters, fingerprint, self.joint_map()) as writer:
             total = self.recording_count()
             if self.max_recordings is not None and total is not None:
                 total = min(total, self.max_recordings)
             readers = itertools.islice(self.readers(), self.max_recordings)
-            bar = progress_bar(readers, total, f"preparing {self.name}")
+            bar = progress_bar(readers, total, f"preparing {self.corpus_name}")
             for recording_id, read in bar:
                 try:
                     writer.add(read())

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import Any
 
+from cospeech.corpus.recording import Recording
 from cospeech.corpus.synthetic import GENERATOR_VERSION, plan, synthesise
 from data_modules.base import Reader, StoreDataModule
 
@@ -79,4 +81,8 @@ class SyntheticData(StoreDataModule):
     def readers(self) -> Iterable[tuple[str, Reader]]:
         """The takes, in the plan's order; made by two processes ahead of their turn."""
         for recording in synthesise(self.minutes, self.corpus_seed, self.speakers):
-            yield recording.id, lambda recording=recording: recording
+            yield recording.id, functools.partial(_as_it_is, recording)
+
+
+def _as_it_is(recording: Recording) -> Recording:
+    return recording

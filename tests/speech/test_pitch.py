@@ -78,6 +78,11 @@ def test_pitch_out_of_range_is_not_reported():
         PitchSpec(lowest_hz=500.0, highest_hz=100.0)
 
 
+def test_a_range_narrower_than_the_candidates():
+    track = f0(pulse_train(410.0), PitchSpec(lowest_hz=400.0, highest_hz=420.0))
+    np.testing.assert_allclose(track[5:-5], 410.0, rtol=2e-3)
+
+
 def test_another_hop_gives_the_same_pitch_at_its_own_frames():
     hz = 120 + 40 * np.sin(np.linspace(0, 6, 2 * RATE))
     waveform = pulse_train(hz, 2.0)

@@ -246,9 +246,9 @@ class StoreWriter:
             "recordings": [asdict(recording) for recording in self._recordings],
         }
         _write_json(self._building / "vocabulary.json", vocabulary.words)
-        with (self._building / "annotations.jsonl").open("w") as file:
+        with (self._building / "annotations.jsonl").open("w") as lines:
             for annotation in self._annotations:
-                file.write(json.dumps(annotation) + "\n")
+                lines.write(json.dumps(annotation) + "\n")
         _write_json(self._building / "manifest.json", manifest)
         try:
             self._building.rename(self.path)
@@ -428,7 +428,8 @@ class Store:
         return {
             "words": self.vocabulary,
             "speakers": list(self.speaker_ids),
-            **self.manifest["statistics"],
+            "mean_direction": self.manifest["statistics"]["mean_direction"],
+            "bone_lengths": self.manifest["statistics"]["bone_lengths"],
         }
 
     def speaker_id(self, recording: int) -> int:

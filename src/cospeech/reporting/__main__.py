@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(
         prog="python -m cospeech.reporting",
-        description="Sum up the runs under a folder: a table here, and a page with curves and links.",
+        description="Sum up the runs under a folder: a table here, a page with curves and links.",
     )
     parser.add_argument("folder", type=Path, help="outputs/studies/NAME, outputs/runs, or one run")
     parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")

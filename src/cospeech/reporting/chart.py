@@ -33,29 +33,19 @@ class Line:
     points: Sequence[tuple[float, float]]
 
 
-@dataclass(frozen=True)
-class Level:
-    """A horizontal reference line: name and height."""
+def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
+    """An SVG element with axes and lines.
 
-    name: str
-    y: float
-
-
-def line_chart(
-    lines: Sequence[Line], x_title: str, y_title: str, levels: Sequence[Level] = ()
-) -> str:
-    """An SVG element with axes, lines and dashed reference levels.
-
-    The vertical axis is logarithmic where positive values span more than a factor of 30; it says so.
+    The vertical axis is logarithmic, and says so, where positive values span more than a factor
+    of 30.
 
     Args:
         lines: At least one with a finite point.
         x_title: Under the horizontal axis.
         y_title: Beside the vertical axis.
-        levels: Reference lines; one outside the range of the lines is left out.
 
     Returns:
-        ``<svg>...</svg>`` without any reference to other files; empty when there is nothing to draw.
+        ``<svg>...</svg>`` that needs no other file; empty when there is nothing to draw.
     """
     finite = [
         [(x, y) for x, y in line.points if math.isfinite(x) and math.isfinite(y)] for line in lines
@@ -90,17 +80,9 @@ def line_chart(
         parts.append(f'<text x="{_LEFT - 7}" y="{y + 4:.1f}" text-anchor="end">{tick:g}</text>')
     for tick in _ticks(x_low, x_high):
         parts.append(
-            f'<text x="{x_at(tick):.1f}" y="{_HEIGHT - _BOTTOM + 16}" text-anchor="middle">{tick:g}</text>'
+            f'<text x="{x_at(tick):.1f}" y="{_HEIGHT - _BOTTOM + 16}" text-anchor="middle">'
+            f"{tick:g}</text>"
         )
-    for reference in levels:
-        inside = (reference.y > 0 or not logarithmic) and math.isfinite(reference.y)
-        if inside and _TOP <= y_at(reference.y) <= _HEIGHT - _BOTTOM:
-            y = y_at(reference.y)
-            parts.append(
-                f'<line class="level" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-                f'<text class="level" x="{_WIDTH - _RIGHT - 4}" y="{y - 4:.1f}" text-anchor="end">'
-                f"{html.escape(reference.name)}</text>"
-            )
     for line, own in zip(lines, finite, strict=True):
         name = html.escape(line.name)
         if len(own) == 1:

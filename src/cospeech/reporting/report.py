@@ -5,11 +5,12 @@ from __future__ import annotations
 import html
 import os
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from cospeech.reporting.chart import SERIES_COLOURS, Level, Line, line_chart
+from cospeech.reporting.chart import SERIES_COLOURS, Line, line_chart
 from cospeech.reporting.collect import (
     PROTOCOLS,
     Collection,
@@ -24,32 +25,6 @@ from cospeech.reporting.files import replacing
 from cospeech.reporting.tables import METRICS, MISSING, Column, Summary, format_table, format_value
 
 _MONITOR = "val/fgd"
-
-_CSS = """
-:root { color-scheme: light dark; --page: #f4f5f7; --panel: #fff; --text: #1c2430; --muted: #6b7686;
-  --line: #e3e6eb; --accent: #c23b4e; }
-@media (prefers-color-scheme: dark) { :root { --page: #12161c; --panel: #1b2129; --text: #e6eaf0;
-  --muted: #93a0b0; --line: #2c3540; --accent: #ff7b8b; } }
-body { margin: 0 auto; padding: 24px; max-width: 1180px; background: var(--page); color: var(--text);
-  font: 14px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
-h1 { font-size: 21px; margin: 0 0 2px; } h2 { font-size: 16px; margin: 28px 0 8px; }
-p { margin: 4px 0; } .muted { color: var(--muted); }
-section { background: var(--panel); border: 1px solid var(--line); border-radius: 10px;
-  padding: 12px 16px; overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-th, td { text-align: left; padding: 5px 12px 5px 0; vertical-align: top;
-  border-bottom: 1px solid var(--line); }
-th { font-weight: 600; white-space: nowrap; } tr:last-child td { border-bottom: 0; }
-td.number, th.number { text-align: right; white-space: nowrap; }
-td small { display: block; color: var(--muted); font-size: 11.5px; }
-tr.reference td { color: var(--muted); }
-a { color: var(--accent); } code { font-size: 12.5px; }
-.swatch { display: inline-block; width: 10px; height: 10px; border-radius: 3px; margin-right: 7px; }
-.chart { width: 100%; max-width: 860px; font-size: 11.5px; fill: var(--muted); display: block; }
-.chart .grid { stroke: var(--line); } .chart .level { stroke: var(--muted); stroke-dasharray: 4 4; }
-.chart text.level { stroke: none; }
-.bad { color: var(--accent); }
-"""
 
 
 def text_report(collection: Collection, style: str = "text") -> str:
@@ -109,10 +84,11 @@ def write_report(collection: Collection, path: str | Path) -> Path:
             for file, reason in collection.damaged
         )
         body.append(f'<h2>Damaged records</h2><section class="bad"><ul>{items}</ul></section>')
+    css = (files("cospeech.reporting") / "report.css").read_text(encoding="utf-8")
     page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(name)}: results</title><style>{_CSS}</style></head>\n<body>\n"
+        f"<title>{html.escape(name)}: results</title><style>{css}</style></head>\n<body>\n"
         + "\n".join(body)
         + "\n</body></html>\n"
     )
@@ -246,7 +222,7 @@ def _runs_section(groups: Sequence[Group], folder: Path) -> list[str]:
     heads = "".join(
         f"<th>{title}</th>"
         for title in ("run", "status", "seed", "epochs", "time", "commit", "see and hear")
-    )  # noqa: E501
+    )
     lines = []
     for group in groups:
         for run in group.members:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-MISSING = "–"
+MISSING = "\N{EN DASH}"
 _ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 
 Direction = Literal["lower", "higher"] | None
@@ -150,7 +150,7 @@ def format_table(
 
 
 def result_table(record: Mapping[str, Any], style: Literal["text", "markdown"] = "text") -> str:
-    """One run's final numbers under both protocols, with the reference rows that make them readable.
+    """One run's final numbers under both protocols, and the reference rows to read them by.
 
     Args:
         record: Values of a ``record.json``, or of an ``evaluation.json``; missing parts are

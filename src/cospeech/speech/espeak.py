@@ -1,7 +1,8 @@
 """The espeak-ng engine behind ctypes, and the worker process that serves it.
 
-The engine keeps state between calls (pitch flutter), so the same call gives other samples the second
-time. Only a fresh process that makes the same calls in the same order repeats itself bit for bit.
+The engine keeps state between calls (pitch flutter), so the same call gives other samples the
+second time. Only a fresh process that makes the same calls in the same order repeats itself bit for
+bit.
 `cospeech.speech.tts` therefore starts ``python -m cospeech.speech.espeak`` once per corpus; nothing
 else should create an `Engine`.
 
@@ -181,8 +182,8 @@ class Engine:
             self._library.espeak_SetParameter(parameter, request[key], 0)
         tokens = request["text"].split()
         apart: set[int] = set()
-        # the dictionary runs frequent pairs ("of the", "out of") together into one word event; a bar
-        # between the two, which has no sound, keeps them apart
+        # the dictionary runs frequent pairs ("of the", "out of") together into one word event; a
+        # bar between the two, which has no sound, keeps them apart
         while True:
             events = self._synthesise(tokens, apart)
             heard = [token for kind, token, _, _ in events if kind == _WORD]

@@ -8,6 +8,7 @@ weighs their strength against jumps between frames.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ from cospeech.speech.speech import SAMPLE_RATE
 
 _FRAMES_PER_BLOCK = 512  # bounds memory: about 20 MB at a time, however long the recording
 _PERIODS_PER_FRAME = 3
-_DB_FLOOR = 1e-30
+_SMALLEST_ENERGY = 1e-30
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,13 @@ class PitchSpec:
         """Samples per frame, even."""
         return 2 * round(_PERIODS_PER_FRAME * SAMPLE_RATE / self.lowest_hz / 2)
 
+    @property
+    def lags(self) -> range:
+        """Periods looked at, in samples."""
+        return range(
+            math.floor(SAMPLE_RATE / self.highest_hz), math.ceil(SAMPLE_RATE / self.lowest_hz) + 1
+        )
+
 
 SPEECH_PITCH = PitchSpec()
 """Adult speech, 100 frames per second."""
@@ -91,10 +99,11 @@ def f0(waveform: NDArray[np.float32], spec: PitchSpec = SPEECH_PITCH) -> NDArray
     peak = float(np.abs(signal).max())
     if peak == 0.0:
         return np.full(frames, np.nan, dtype=np.float32)
-    frequencies = np.empty((frames, spec.candidates + 1), dtype=np.float32)
+    kept = min(spec.candidates, len(spec.lags))
+    frequencies = np.empty((frames, kept + 1), dtype=np.float32)
     strengths = np.empty_like(frequencies)
     for rows, block in _frame_blocks(signal, frames, spec):
-        frequencies[rows], strengths[rows] = _candidates(block, peak, spec)
+        frequencies[rows], strengths[rows] = _candidates(block, peak, kept, spec)
     path = _best_path(frequencies, strengths, spec)
     return frequencies[np.arange(frames), path]
 
@@ -112,29 +121,26 @@ def _frame_blocks(
 
 
 def _candidates(
-    frames: NDArray[np.float32], peak: float, spec: PitchSpec
+    frames: NDArray[np.float32], peak: float, count: int, spec: PitchSpec
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Frequencies (Hz) and strengths ``(frames, candidates + 1)``; column 0 is unvoiced (NaN)."""
+    """Frequencies (Hz) and strengths ``(frames, count + 1)``; column 0 is unvoiced (NaN)."""
     frames = frames - frames.mean(axis=1, keepdims=True)
     correlation = _normalised_autocorrelation(frames, spec)
 
-    shortest = int(SAMPLE_RATE / spec.highest_hz)
-    longest = int(np.ceil(SAMPLE_RATE / spec.lowest_hz))
-    centre = correlation[:, shortest : longest + 1]
-    before = correlation[:, shortest - 1 : longest]
-    after = correlation[:, shortest + 1 : longest + 2]
+    start, stop = spec.lags.start, spec.lags.stop
+    before, centre, after = (correlation[:, start + i : stop + i] for i in (-1, 0, 1))
     is_peak = (centre > before) & (centre >= after) & (centre > 0.5 * spec.voicing)
 
     # A parabola through the three values gives the peak between the samples.
     slope, bend = 0.5 * (after - before), (centre - before) + (centre - after)
     shift = np.divide(slope, bend, out=np.zeros_like(slope), where=is_peak)
     height = np.minimum(centre + 0.5 * slope * shift, 1.0)
-    lag = np.arange(shortest, longest + 1, dtype=np.float32) + shift
+    lag = np.arange(start, stop, dtype=np.float32) + shift
     rank = height - spec.octave_cost * np.log2(lag * spec.highest_hz / SAMPLE_RATE)
     is_peak &= (lag * spec.highest_hz >= SAMPLE_RATE) & (lag * spec.lowest_hz <= SAMPLE_RATE)
     rank = np.where(is_peak, rank, -np.inf)
 
-    kept = np.argpartition(-rank, spec.candidates - 1, axis=1)[:, : spec.candidates]
+    kept = np.argpartition(-rank, count - 1, axis=1)[:, :count]
     strengths = np.take_along_axis(rank, kept, axis=1)
     frequencies = SAMPLE_RATE / np.take_along_axis(lag, kept, axis=1)
 
@@ -153,11 +159,11 @@ def _normalised_autocorrelation(
 ) -> NDArray[np.float32]:
     samples = spec.frame_samples
     window = np.hanning(samples + 2)[1:-1].astype(np.float32)
-    longest = int(np.ceil(SAMPLE_RATE / spec.lowest_hz)) + 2
-    size = fft.next_fast_len(samples + longest, real=True)
-    raw = _autocorrelation(frames * window, size)[:, :longest]
-    of_window = _autocorrelation(window[None], size)[:, :longest]
-    energy = np.maximum(raw[:, :1], _DB_FLOOR)
+    lags = spec.lags.stop + 1  # one more than looked at, for the peaks' right neighbours
+    size = fft.next_fast_len(samples + lags, real=True)
+    raw = _autocorrelation(frames * window, size)[:, :lags]
+    of_window = _autocorrelation(window[None], size)[:, :lags]
+    energy = np.maximum(raw[:, :1], _SMALLEST_ENERGY)
     return raw / energy * (of_window[:, :1] / of_window)
 
 
@@ -175,7 +181,7 @@ def _best_path(
     jump_cost = spec.octave_jump_cost * ten_ms / spec.hop_samples
     change_cost = spec.voicing_change_cost * ten_ms / spec.hop_samples
     octaves = np.log2(frequencies)
-    came_from = np.empty((frames, columns), dtype=np.intp)
+    came_from = np.empty((frames, columns), dtype=np.int16)
     total = strengths[0]
     everywhere = np.arange(columns)
     for start in range(1, frames, _FRAMES_PER_BLOCK):

@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any
 
@@ -28,8 +29,8 @@ from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 
 _INSTALL = 'pip install "cospeech[tts]"'
 _WORD, _CLAUSE_END, _PHONEME = 1, 5, 7
-_STRESS_MARKS = {"ˈ": 2, "ˌ": 1}
-_VOWELS = frozenset("aeiouyæɐɑɒɔəɚɛɜɝɨɪʉʊʌøœɯɤɵᵻ")
+_STRESS_MARKS = {"ˈ": 2, "ˌ": 1}  # noqa: RUF001 - the IPA mark
+_VOWELS = frozenset("aeiouyæɐɑɒɔəɚɛɜɝɨɪʉʊʌøœɯɤɵᵻ")  # noqa: RUF001 - IPA letters
 _NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?(?:st|nd|rd|th)?\b|\d+", re.IGNORECASE)
 _SYMBOLS = {"%": " percent ", "&": " and ", "+": " plus ", "=": " equals ", "@": " at "}
 
@@ -271,6 +272,6 @@ def _phonemes(marks: list[list[Any]]) -> list[Phoneme]:
             _STRESS_MARKS.get(symbol[0], 0),
             word,
         )
-        for (_, word, sample, symbol), following in zip(marks, marks[1:], strict=False)
+        for (_, word, sample, symbol), following in pairwise(marks)
         if symbol
     ]

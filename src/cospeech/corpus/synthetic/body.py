@@ -1,7 +1,7 @@
 """From hand targets and posture to joint rotations.
 
-Arms and legs are two-bone chains with an elbow or knee that bends one way only; every pose comes out
-as rotations of rigid bones, so bone lengths can't change.
+Arms and legs are two-bone chains with an elbow or knee that bends one way only; every pose comes
+out as rotations of rigid bones, so bone lengths can't change.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _Array = NDArray[np.float64]
 HAND_CHANNELS = 12
 """Numbers that describe a hand.
 
-0 to 2: wrist outwards from the midline, up and forward of the point between the shoulders, m, in the
-frame of the chest. 3: pronation of the forearm (0 thumb up, positive palm down), 4: wrist flexion
-towards the palm, 5: wrist deviation towards the thumb, 6 to 10: bend of each finger joint from thumb to
-little finger, 11: spread of the fingers; rad.
+0 to 2: wrist outwards from the midline, up and forward of the point between the shoulders, m, in
+the frame of the chest. 3: pronation of the forearm (0 thumb up, positive palm down), 4: wrist
+flexion towards the palm, 5: wrist deviation towards the thumb, 6 to 10: bend of each finger joint
+from thumb to little finger, 11: spread of the fingers; rad.
 """
 POSITION = slice(0, 3)
 PRONATION, FLEXION, DEVIATION, SPREAD = 3, 4, 5, 11
@@ -82,7 +82,7 @@ def keep_clear(hands: _Array) -> _Array:
         A copy with the first three channels corrected.
     """
     hands = hands.copy()
-    outward, up, forward = (hands[..., i] for i in range(3))
+    outward, forward = hands[..., 0], hands[..., 2]
     # the front of the chest; beside the trunk the arms may hang
     beside = np.clip((np.abs(outward) - _CHEST_HALF_WIDTH_M) / _CHEST_EDGE_M, 0, 1)
     front = _CHEST_FRONT_M - 0.30 * beside * beside * (3 - 2 * beside)

@@ -12,8 +12,8 @@ import numpy as np
 
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.synthetic.body import keep_clear, pose_body
-from cospeech.corpus.synthetic.forms import LEFT, RIGHT
 from cospeech.corpus.synthetic.gesturer import amplitudes, plan_hands, stroke_extents
+from cospeech.corpus.synthetic.outlines import LEFT, RIGHT
 from cospeech.corpus.synthetic.phrasing import (
     fill_phases,
     find_causes,
@@ -53,7 +53,8 @@ def build_take(take: TakePlan, utterances: list[Utterance], fps: float = 60) -> 
     Returns:
         A recording with audio, words, positions, rotations and phase labels. ``annotations`` holds
         the truth: ``style``, ``voice``, ``rest``, ``gestures`` (kind, hand, word and its index, the
-        stressed syllable's onset ``cause_time``, ``stroke_start``, ``stroke_end``, ``amplitude_m``),
+        stressed syllable's onset ``cause_time``, ``stroke_start``, ``stroke_end`` and
+        ``amplitude_m``; an ``independent_hold`` has its pose's start and end instead),
         ``sentences`` (text, start, end, arousal) and ``phonemes`` (symbol, start, end, stress).
 
     Raises:

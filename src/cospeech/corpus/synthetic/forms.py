@@ -1,4 +1,4 @@
-"""What a gesture looks like: where its stroke starts and ends, and the path between.
+"""One gesture's stroke: its prototype in the hands, the style and the luck of the speaker.
 
 Positions are those of `cospeech.corpus.synthetic.body.HAND_CHANNELS`: outwards, up, forward of the
 point between the shoulders.
@@ -20,39 +20,18 @@ from cospeech.corpus.synthetic.body import (
     PRONATION,
     SPREAD,
 )
-from cospeech.corpus.synthetic.lexicon import (
-    BEAT,
-    FINGERS_FOR_NUMBER,
-    INDEPENDENT_HOLD,
-    LISTING,
+from cospeech.corpus.synthetic.lexicon import BEAT
+from cospeech.corpus.synthetic.outlines import (
+    LEFT,
+    ONE_HANDED,
+    RIGHT,
+    SHAPES,
+    TWO_HANDED_SHARE,
+    outline,
 )
 from cospeech.corpus.synthetic.speakers import REST_POSTURES, Style
 
 _Array = NDArray[np.float64]
-
-LEFT, RIGHT = 0, 1
-
-_SHAPES: dict[str, tuple[float, ...]] = {
-    "relaxed": (0.25, 0.25, 0.35, 0.40, 0.45, 0.15),
-    "open": (0.05, 0.05, 0.05, 0.08, 0.12, 0.9),
-    "flat": (0.15, 0.05, 0.05, 0.05, 0.08, 0.15),
-    "point": (0.8, 0.03, 1.25, 1.35, 1.35, 0.0),
-    "pinch": (0.75, 0.75, 0.55, 0.65, 0.75, 0.2),
-}
-"""Bend of thumb to little finger, and spread, rad."""
-
-_TWO_HANDED_SHARE = {
-    "size_large": 0.85,
-    "size_small": 0.4,
-    "negation": 0.4,
-    "cycle": 0.35,
-    "uncertain": 0.8,
-    "other": 0.25,
-    LISTING: 0.0,
-}
-_ONE_HANDED = frozenset(
-    ("left", "right", "up", "down", "forward", "back", "there", "number", "self")
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +55,6 @@ class Form:
     sine: _Array
     cosine: _Array
     cycles: int
-
-
-@dataclass(frozen=True)
-class _Outline:
-    """One hand's stroke before style and chance, with displacements for amplitude 1."""
-
-    start: tuple[float, float, float]
-    move: tuple[float, float, float]
-    shape: str = "relaxed"
-    pronation: float | None = None
-    pronation_move: float = 0.0
-    flexion: float = 0.0
-    flexion_move: float = 0.0
-    arc: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    sine: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    cosine: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    cycles: int = 1
 
 
 def rest_pose(style: Style) -> _Array:
@@ -127,7 +89,7 @@ def hand_pose(
     pose = np.zeros(HAND_CHANNELS)
     pose[POSITION] = position
     pose[PRONATION], pose[FLEXION] = pronation, flexion
-    pose[CURLS], pose[SPREAD] = _SHAPES[shape][:5], _SHAPES[shape][5]
+    pose[CURLS], pose[SPREAD] = SHAPES[shape][:5], SHAPES[shape][5]
     return pose
 
 
@@ -143,7 +105,7 @@ def choose_hands(
         rng: Source of chance.
     """
     both_luck, stay_luck, right_luck = rng.uniform(size=3)
-    two_handed = 0.0 if concept in _ONE_HANDED else _TWO_HANDED_SHARE.get(concept, style.two_handed)
+    two_handed = 0.0 if concept in ONE_HANDED else TWO_HANDED_SHARE.get(concept, style.two_handed)
     if both_luck < two_handed:
         return True, True
     if previous in ((True, False), (False, True)) and stay_luck < 0.45:
@@ -156,7 +118,7 @@ def choose_hands(
 
 def continue_hands(concept: str, style: Style, previous: tuple[bool, bool]) -> tuple[bool, bool]:
     """Hands of a gesture without preparation: those that are up, or the better of the two."""
-    if previous == (True, True) and concept in _ONE_HANDED:
+    if previous == (True, True) and concept in ONE_HANDED:
         return (False, True) if style.right_share > 0.5 else (True, False)
     return previous
 
@@ -187,7 +149,7 @@ def make_form(
     """
     start, end = here.copy(), here.copy()
     arc, sine, cosine = (np.zeros((2, HAND_CHANNELS)) for _ in range(3))
-    shared = _outline(concept, word, list_position, LEFT if hands[LEFT] else RIGHT, rng)
+    shared = outline(concept, word, list_position, LEFT if hands[LEFT] else RIGHT, rng)
     common = rng.normal(0, (0.025, 0.025, 0.02))
     cycles = shared.cycles
     for side in (LEFT, RIGHT):
@@ -229,88 +191,3 @@ def make_form(
             centre = pose[POSITION] + 0.5 * move[POSITION]
             end[side, POSITION] += 0.25 * (centre - here[side, POSITION])
     return Form(hands, start, end, arc, sine, cosine, cycles)
-
-
-def _outline(
-    concept: str, word: str, list_position: int | None, side: int, rng: np.random.Generator
-) -> _Outline:
-    """The gesture's prototype; ``side`` is the hand that leads."""
-    if concept in ("left", "right"):
-        # outwards for the hand on that side, across the body for the other
-        outwards = (concept == "left") == (side == LEFT)
-        start, move = ((0.10, -0.19, 0.33), 0.25) if outwards else ((0.24, -0.19, 0.34), -0.22)
-        return _Outline(start, (move, 0.01, 0.03), "point", 0.9, arc=(0.0, 0.02, 0.03))
-    if concept == LISTING:
-        # the items stand side by side, each further out
-        place = 0.04 + 0.085 * min(list_position or 0, 4)
-        return _Outline(
-            (place, -0.17, 0.33), (0.025, -0.11, 0.01), "flat", 0.1, flexion=-0.3, flexion_move=0.4
-        )
-    if concept == BEAT:
-        return _beat(rng)
-    if concept == "number":
-        return _counting(word)
-    return _OUTLINES[concept]
-
-
-def _beat(rng: np.random.Generator) -> _Outline:
-    direction = str(rng.choice(["down", "down", "down", "outwards", "forward", "offer"]))
-    if direction == "down":
-        return _Outline((0.17, -0.19, 0.28), (0.02, -0.13, 0.03), flexion=-0.25, flexion_move=0.4)
-    if direction == "outwards":
-        return _Outline((0.13, -0.23, 0.28), (0.12, -0.05, 0.02), arc=(0.0, 0.02, 0.02))
-    if direction == "forward":
-        return _Outline((0.17, -0.22, 0.24), (0.02, -0.05, 0.12), flexion=-0.2, flexion_move=0.3)
-    return _Outline((0.15, -0.21, 0.26), (0.08, -0.08, 0.06), "open", 0.2, pronation_move=-0.9)
-
-
-def _counting(word: str) -> _Outline:
-    shown = FINGERS_FOR_NUMBER.get(word.lower(), 5)
-    shape = f"count{shown}"
-    return _Outline(
-        (0.19, -0.20, 0.30),
-        (0.0, 0.05, 0.03),
-        shape,
-        -0.5,
-        flexion=-0.4,
-        cosine=(0.0, -0.02, 0.0),
-        cycles=2,
-    )
-
-
-for _shown in range(1, 6):
-    _SHAPES[f"count{_shown}"] = (
-        0.05 if _shown == 5 else 0.9,
-        *(0.03 if _finger < _shown else 1.35 for _finger in range(4)),
-        0.7,
-    )
-
-_OUTLINES: dict[str, _Outline] = {
-    "size_large": _Outline(
-        (0.075, -0.20, 0.33), (0.24, 0.05, -0.05), "open", 0.0, flexion=-0.1, arc=(0.0, 0.02, 0.03)
-    ),
-    "size_small": _Outline((0.17, -0.21, 0.30), (-0.09, 0.05, 0.05), "pinch", 0.35),
-    "up": _Outline((0.20, -0.31, 0.31), (0.02, 0.27, -0.01), "point", 0.3, arc=(0.0, 0.0, 0.03)),
-    "down": _Outline((0.19, -0.11, 0.32), (0.01, -0.25, -0.01), "point", 0.9, arc=(0.0, 0.0, 0.03)),
-    "forward": _Outline((0.16, -0.20, 0.23), (0.0, 0.03, 0.21), "flat", 0.2),
-    "back": _Outline((0.22, -0.20, 0.33), (0.06, 0.16, -0.22), "flat", -0.1, flexion=-0.2),
-    "there": _Outline((0.17, -0.21, 0.25), (0.11, 0.07, 0.17), "point", 0.7),
-    "self": _Outline((0.15, -0.24, 0.29), (-0.12, 0.09, -0.13), "flat", 0.1, flexion=0.35),
-    "other": _Outline((0.15, -0.25, 0.24), (0.06, 0.04, 0.18), "flat", -0.5, pronation_move=-0.5),
-    "negation": _Outline(
-        (0.05, -0.20, 0.32), (0.24, -0.03, -0.01), "flat", 1.2, flexion=-0.1, arc=(0.0, -0.02, 0.03)
-    ),
-    "cycle": _Outline(
-        (0.16, -0.21, 0.27),
-        (0.03, 0.0, 0.03),
-        "relaxed",
-        0.2,
-        sine=(0.0, 0.065, 0.0),
-        cosine=(0.0, 0.0, 0.055),
-        cycles=2,
-    ),
-    "uncertain": _Outline(
-        (0.14, -0.28, 0.27), (0.12, 0.06, 0.02), "open", -0.4, pronation_move=-0.7
-    ),
-    INDEPENDENT_HOLD: _Outline((0.19, -0.10, 0.31), (0.0, 0.0, 0.0), "open", 0.2, flexion=-0.35),
-}

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from cospeech.corpus.synthetic.body import FLEXION, HAND_CHANNELS, POSITION, keep_clear
 from cospeech.corpus.synthetic.forms import (
-    LEFT,
-    RIGHT,
     Form,
     choose_hands,
     continue_hands,
@@ -19,6 +17,7 @@ from cospeech.corpus.synthetic.forms import (
     rest_pose,
 )
 from cospeech.corpus.synthetic.lexicon import INDEPENDENT_HOLD
+from cospeech.corpus.synthetic.outlines import LEFT, RIGHT
 from cospeech.corpus.synthetic.phrasing import Gesture, Phase
 from cospeech.corpus.synthetic.speakers import Style
 from cospeech.corpus.synthetic.takes import SpokenTake, TakePlan
@@ -36,9 +35,9 @@ _IDLE_MEAN_SPEED = 0.8
 class HandPaths:
     """Paths of both hands, one segment per phase.
 
-    On a segment ``s`` runs from 0 to 1 by minimum jerk, and a channel is ``start + (end - start) s +
-    arc sin(pi s) + sine sin(2 pi c s) + cosine (1 - cos(2 pi c s))`` with ``c`` cycles: at rest at
-    both ends, whatever its shape.
+    On a segment ``s`` runs from 0 to 1 by minimum jerk, and a channel is ``start + (end - start) s
+    + arc sin(pi s) + sine sin(2 pi c s) + cosine (1 - cos(2 pi c s))`` with ``c`` cycles: at rest
+    at both ends, whatever its shape.
 
     Attributes:
         times: ``(K + 1,)`` segment borders, s.
@@ -82,7 +81,7 @@ class HandPaths:
 
 
 def amplitudes(take: TakePlan, spoken: SpokenTake, gestures: list[Gesture]) -> _Array:
-    """Size of each gesture without chance, ``(G,)``: speaker, arousal and loudness of its syllable."""
+    """Size of each gesture without chance, ``(G,)``: speaker, arousal, loudness of the syllable."""
     levels = np.array([word.loudness for word in spoken.words if word.stress == 2] or [0.0])
     mean, spread = float(levels.mean()), float(levels.std()) + 1e-6
     sizes = []
@@ -178,7 +177,7 @@ def plan_hands(
             if phase.label == "none" and length > _LONG_REST_S and rng.uniform() < 0.35:
                 # the hands shift or fumble a little: movement that is no gesture
                 arc = np.zeros_like(still)
-                arc[:, POSITION] = np.abs(rng.normal(0, 0.02, (2, 3))) + (0, 0.01, 0.01)
+                arc[:, POSITION] = np.abs(rng.normal((0, 0.01, 0.01), 0.02, (2, 3)))
                 arc[:, FLEXION] = rng.normal(0, 0.2)
         segments.append((arc, sine, cosine, cycles))
         borders.append(target)
@@ -257,7 +256,7 @@ def _curve(pose: _Array, target: _Array, rng: np.random.Generator) -> _Array:
     arc = np.zeros_like(pose)
     way = target[:, POSITION] - pose[:, POSITION]
     distance = np.sqrt(np.sum(way * way, axis=-1, keepdims=True))
-    arc[:, POSITION] = distance * (rng.normal(0, 0.06, (2, 3)) + (0.05, 0.0, 0.10))
+    arc[:, POSITION] = distance * rng.normal((0.05, 0.0, 0.10), 0.06, (2, 3))
     arc[:, FLEXION] = 0.5 * distance[:, 0]
     return arc
 

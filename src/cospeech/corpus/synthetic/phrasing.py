@@ -1,8 +1,8 @@
 """When to gesture: which words cause gestures, and the phases around their strokes.
 
-The shares and mean durations of the phases follow the annotated corpus of Ferstl et al. 2020, Table 1
-(226 minutes of one speaker): 38 strokes a minute, two thirds of them with a preparation of their own,
-a full retraction only about twice a minute.
+The shares and mean durations of the phases follow the annotated corpus of Ferstl et al. 2020,
+Table 1 (226 minutes of one speaker): 38 strokes a minute, two thirds of them with a preparation of
+their own, a full retraction only about twice a minute.
 """
 
 from __future__ import annotations

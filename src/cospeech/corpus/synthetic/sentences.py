@@ -1,7 +1,8 @@
 """What the simulated speakers say: a small grammar of everyday talk.
 
 A talk is a chain of topics, a topic a few sentences about the same place and things. ``{slot}`` is
-filled from the topic or from the common words, ``*`` marks an item of a list. Words that evoke gestures are in `cospeech.corpus.synthetic.lexicon`.
+filled from the topic or from the common words, ``*`` marks an item of a list. Words that evoke
+gestures are in `cospeech.corpus.synthetic.lexicon`.
 """
 
 from __future__ import annotations
