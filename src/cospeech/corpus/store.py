@@ -150,7 +150,8 @@ class StoreWriter:
                 f" joint {motion.skeleton.joints[joint]}"
             )
         upper = to_upper_body(motion, self._joint_map)
-        words = recording.speech.words or ()
+        # A token without a letter or digit is no word (spec 3.4: empty words are skipped).
+        words = [w for w in recording.speech.words or () if normalise_word(w.text)]
         arrays: dict[str, NDArray[Any]] = {
             "positions": motion.positions.reshape(-1, 3),
             "upper_body": resample_positions(upper.positions, motion.fps, EVALUATION_FPS).reshape(
@@ -197,7 +198,14 @@ class StoreWriter:
         return self._recordings
 
     def evaluation_frames(self) -> list[int]:
-        """Evaluation-rate frames of each recording added."""
+        """Evaluation-rate frames of each recording added.
+
+        Raises:
+            CospeechError: None was added; the message says why each was skipped.
+        """
+        if not self._recordings:
+            reasons = "\n".join(f"  {s['id']}: {s['reason']}" for s in self.skipped[:10])
+            raise CospeechError(f"no usable recording for {self._meta['name']}\n{reasons}")
         return [recording.rows["upper_body"][1] for recording in self._recordings]
 
     def finish(self, splits: dict[str, list[Span]]) -> Store:
@@ -207,9 +215,6 @@ class StoreWriter:
             splits: Spans of each split. Vocabulary and statistics come from ``"train"`` alone, but
                 for the words, which as published come from all (spec 3.8).
         """
-        if not self._recordings:
-            reasons = "\n".join(f"  {s['id']}: {s['reason']}" for s in self.skipped[:10])
-            raise CospeechError(f"no usable recording for {self._meta['name']}\n{reasons}")
         vocabulary = Vocabulary.build(
             normalise_word(text) for texts in self._word_texts for text in texts
         )

@@ -125,9 +125,7 @@ class FigurePainter:
         camera = self._cameras[track]
         figure = self._figures[track]
         points = figure.points(positions)
-        on_ground = points.copy()
-        on_ground[:, 1] = camera.floor
-        below = camera.project(on_ground, frame)
+        below = camera.project(camera.shadows(points), frame)
         for limb in figure.limbs:
             ends = [limb.upper, limb.lower]
             radii = limb.radius * below.scale[ends]
@@ -137,9 +135,16 @@ class FigurePainter:
         seen = camera.project(points, frame)
         strokes: list[tuple[float, str, NDArray[np.float64], NDArray[np.float64]]] = []
         for limb in figure.limbs:
-            ends = [limb.upper, limb.lower]
-            radii = limb.radius * seen.scale[ends] * np.array([1.0, 0.84])
-            strokes.append((float(seen.depth[ends].mean()), limb.part, seen.pixels[ends], radii))
+            ends = points[[limb.upper, limb.lower]].astype(np.float64)
+            if figure.skull is not None and limb.upper == len(positions):
+                # the nose: what of it is inside the skull would be painted over the face
+                share = 0.92 * figure.skull.radius / float(np.linalg.norm(ends[1] - ends[0]))
+                if share >= 1:
+                    continue
+                ends[0] += (ends[1] - ends[0]) * share
+            at = camera.project(ends, frame)
+            radii = limb.radius * at.scale * np.array([1.0, 0.84])
+            strokes.append((float(at.depth.mean()), limb.part, at.pixels, radii))
         for ball in figure.balls:
             ends = [ball.point, ball.point]
             radii = ball.radius * seen.scale[ends]

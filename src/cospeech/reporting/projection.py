@@ -15,6 +15,8 @@ _FIELD_OF_VIEW = math.radians(30)
 _AZIMUTH = 0.42
 _ELEVATION = 0.12
 _FOLLOW_S = 2.0
+# how far a shadow falls to the person's right and behind, per metre of height
+_SHADOW_RIGHT, _SHADOW_BACK = 0.44, 0.75
 
 
 def ground_path(motion: Motion) -> NDArray[np.float64]:
@@ -73,7 +75,8 @@ class Camera:
             0.55 * height / half, 0.9 * reach / (half * width_px / height_px)
         )
         self.distance = fitting if distance is None else distance
-        azimuth = _AZIMUTH + facing(motion)
+        self._yaw = facing(motion)
+        azimuth = _AZIMUTH + self._yaw
         level, rise = math.cos(_ELEVATION), math.sin(_ELEVATION)
         sine, cosine = math.sin(azimuth), math.cos(azimuth)
         self._axes = np.array(
@@ -94,3 +97,17 @@ class Camera:
         scale = self._focal / depth
         pixels = self._middle_px + seen[..., :2] * scale[..., None] * np.array([1.0, -1.0])
         return Projection(pixels, depth, scale)
+
+    def shadows(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Where the shadows of points ``(..., 3)`` fall: the light is fixed to the person."""
+        height = points[..., 1] - self.floor
+        right, back = _SHADOW_RIGHT * height, _SHADOW_BACK * height
+        sine, cosine = math.sin(self._yaw), math.cos(self._yaw)
+        return np.stack(
+            [
+                points[..., 0] - right * cosine - back * sine,
+                np.full(height.shape, self.floor),
+                points[..., 2] + right * sine - back * cosine,
+            ],
+            axis=-1,
+        )

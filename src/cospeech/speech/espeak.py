@@ -1,8 +1,8 @@
 """The espeak-ng engine behind ctypes, and the worker process that serves it.
 
-The engine keeps state between calls (pitch flutter), so the same call gives other samples the
-second time. Only a fresh process that makes the same calls in the same order repeats itself bit for
-bit.
+The engine keeps state between calls (pitch flutter, noise), so the same call gives other samples
+the second time. Only a fresh process that makes the same calls in the same order repeats itself bit
+for bit.
 `cospeech.speech.tts` therefore starts ``python -m cospeech.speech.espeak`` once per corpus; nothing
 else should create an `Engine`.
 
@@ -123,6 +123,8 @@ class Engine:
         )
         if rate != ENGINE_RATE:
             raise EngineError(f"espeak-ng could not start with data at {data_path} (rate {rate})")
+        # initialising seeds the noise of breathy voices from the clock
+        self._library.espeak_ng_SetRandSeed(ctypes.c_long(1))
         self._variants = {path.name for path in (data_path / "voices" / "!v").iterdir()}
         self._samples: list[bytes] = []
         self._events: list[tuple[int, int, int, str]] = []

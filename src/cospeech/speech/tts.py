@@ -13,7 +13,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -139,8 +139,7 @@ def spell_out(text: str) -> str:
     text = re.sub(r"[^\w\s,.?!']|_", " ", text)
     text = re.sub(r"(?<!\w)'|'(?!\w)", " ", text)
     text = re.sub(r"\s+(?=[,.?!])", "", text)
-    text = re.sub(r"[,.?!]*([.?!])[,.?!]*", r"\1", text)
-    text = re.sub(r",+", ",", text)
+    text = re.sub(r"[,.?!]{2,}", lambda run: min(run.group(), key="?!.,".index), text)
     text = re.sub(r"([,.?!])(?=\w)", r"\1 ", text)
     text = re.sub(r"\s+", " ", text).strip(" ,")
     if not re.search(r"\w", text):
@@ -175,11 +174,11 @@ def speak(text: str, voice: Voice | None = None) -> Utterance:
     return next(iter(speak_all([(text, voice or Voice())])))
 
 
-def speak_all(lines: Sequence[tuple[str, Voice]]) -> Iterator[Utterance]:
+def speak_all(lines: Sequence[tuple[str, Voice]]) -> Generator[Utterance, None, None]:
     """The lines in order, spoken by one fresh worker process.
 
     The result depends on the whole list and its order, and on nothing else: the engine carries
-    state from line to line.
+    state from line to line. Closing the generator ends the worker.
 
     Args:
         lines: Texts and voices.

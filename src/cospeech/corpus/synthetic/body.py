@@ -56,7 +56,7 @@ class Posture:
     """Trunk, head and feet over time.
 
     Attributes:
-        hips: ``(T, 3)`` world position, m.
+        hips: ``(T, 3)`` world position, m; lowered where the feet would leave the floor.
         hips_turn: ``(T, 3)`` pitch, yaw, roll of the hips, rad; pitch is forward, yaw to the left.
         spine: ``(T, 3)`` the same for the whole spine, spread over its four joints.
         head: ``(T, 3)`` the same for neck and head together.
@@ -113,6 +113,8 @@ def pose_body(hands: _Array, posture: Posture) -> tuple[_Array, _Array]:
     rotations[..., 3] = 1.0
     index = SKELETON.index
     rotations[:, index["Hips"]] = _turn(posture.hips_turn)
+    hips = posture.hips.copy()
+    hips[:, 1] -= _too_high(hips, rotations[:, index["Hips"]], posture.stance)
     for joint in ("Spine", "Spine1", "Spine2", "Spine3"):
         rotations[:, index[joint]] = _turn(posture.spine / 4)
     for joint, share in (("Neck", 0.3), ("Neck1", 0.2), ("Head", 0.5)):
@@ -122,9 +124,9 @@ def pose_body(hands: _Array, posture: Posture) -> tuple[_Array, _Array]:
         chest = multiply_quaternions(chest, rotations[:, index[joint]])
     for side in range(2):
         _pose_arm(rotations, side, hands[:, side], chest, posture.elbow)
-        _pose_leg(rotations, side, posture)
+        _pose_leg(rotations, side, hips, posture.stance)
     translations = np.repeat(_offsets()[None], frames, axis=0)
-    translations[:, 0] = posture.hips
+    translations[:, 0] = hips
     positions, _ = forward_kinematics(SKELETON.parents, translations, rotations)
     return positions, rotations
 
@@ -182,22 +184,39 @@ def _pose_arm(rotations: _Array, side: int, hand: _Array, chest: _Array, elbow: 
             rotations[:, index[f"{name}Hand{finger}{i}"]] = turn
 
 
-def _pose_leg(rotations: _Array, side: int, posture: Posture) -> None:
+def _leg(hips: _Array, hips_turn: _Array, stance: float, side: int) -> _Array:
+    """From hip joint to ankle, ``(T, 3)``; the ankle stays on its spot."""
+    name, sign = SIDES[side], (1.0, -1.0)[side]
+    hip_joint = hips + rotate_vectors(hips_turn, _offsets()[SKELETON.index[f"{name}UpLeg"]])
+    standing = euler_to_quaternion(np.array([stance]), "Y")
+    return rotate_vectors(standing, np.array([sign * 0.115, ANKLE_HEIGHT_M, 0.0])) - hip_joint
+
+
+def _too_high(hips: _Array, hips_turn: _Array, stance: float) -> _Array:
+    """By how much the hips must sink for both feet to stay on the floor, ``(T,)`` m."""
+    drops = []
+    for side in range(2):
+        leg = _leg(hips, hips_turn, stance, side)
+        longest = 0.9985 * (THIGH_M + SHIN_M)
+        drops.append(-leg[:, 1] - np.sqrt(longest**2 - leg[:, 0] ** 2 - leg[:, 2] ** 2))
+    softness = 0.001
+    return softness * np.logaddexp(0, np.maximum(*drops) / softness)
+
+
+def _pose_leg(rotations: _Array, side: int, hips: _Array, stance: float) -> None:
     """Fills in one leg, with the foot flat on its spot."""
     name, sign = SIDES[side], (1.0, -1.0)[side]
-    index, offsets = SKELETON.index, _offsets()
-    hips = rotations[:, index["Hips"]]
-    hip_joint = posture.hips + rotate_vectors(hips, offsets[index[f"{name}UpLeg"]])
-    stance = euler_to_quaternion(np.array([[posture.stance]]), "Y")[0]
-    foot_turn = euler_to_quaternion(np.array([[posture.stance + sign * 0.16]]), "Y")[0]
-    ankle = rotate_vectors(stance, np.array([sign * 0.115, ANKLE_HEIGHT_M, 0.0]))
+    index = SKELETON.index
+    hips_turn = rotations[:, index["Hips"]]
+    foot_turn = euler_to_quaternion(np.array([stance + sign * 0.16]), "Y")
     pole = rotate_vectors(foot_turn, np.array([0.0, 0.0, 1.0]))
-    thigh, bend, angle = _two_bones(ankle - hip_joint, pole, THIGH_M, SHIN_M)
+    leg = _leg(hips, hips_turn, stance, side)
+    thigh, bend, angle = _two_bones(leg, pole, THIGH_M, SHIN_M)
     forward = -bend
     frame = np.stack([np.cross(-thigh, forward), -thigh, forward], axis=-1)
     upper = _quaternions(frame)
     knee = euler_to_quaternion(angle[:, None], "X")
-    rotations[:, index[f"{name}UpLeg"]] = multiply_quaternions(invert_quaternions(hips), upper)
+    rotations[:, index[f"{name}UpLeg"]] = multiply_quaternions(invert_quaternions(hips_turn), upper)
     rotations[:, index[f"{name}Leg"]] = knee
     shin = multiply_quaternions(upper, knee)
     rotations[:, index[f"{name}Foot"]] = multiply_quaternions(invert_quaternions(shin), foot_turn)

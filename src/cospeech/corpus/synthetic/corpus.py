@@ -88,9 +88,9 @@ def build_take(take: TakePlan, utterances: list[Utterance], fps: float = 60) -> 
                 "hand": _HANDS[form.hands[LEFT], form.hands[RIGHT]],
                 "word_index": gesture.cause.word,
                 "word": word,
-                "cause_time": round(gesture.cause.time, 6),
-                "stroke_start": round(gesture.start, 6),
-                "stroke_end": round(gesture.end, 6),
+                "cause_time": gesture.cause.time,
+                "stroke_start": gesture.start,
+                "stroke_end": gesture.end,
                 "amplitude_m": round(extent, 4),
             }
             for gesture, form, word, extent in zip(gestures, forms, words, extents, strict=True)

@@ -39,7 +39,7 @@ def wander(
 def hand_tremor(times: _Array, rng: np.random.Generator) -> _Array:
     """``(T, 2, 12)`` to add to the hands: millimetres and hundredths of a radian."""
     noise = wander(times, 2 * HAND_CHANNELS, 0.3, 2.5, rng).reshape(-1, 2, HAND_CHANNELS)
-    return noise * np.array([0.0035] * 3 + [0.02] * 3 + [0.02] * 6)
+    return noise * np.array([0.002] * 3 + [0.02] * 3 + [0.02] * 6)
 
 
 def make_posture(

@@ -16,6 +16,7 @@ let tracks = [];
 let wordSpans = [];
 let cells = [];
 let dirty = true;
+let theme = null;
 const redraw = () => (dirty = true);
 
 function fail(message) {
@@ -23,17 +24,21 @@ function fail(message) {
   ui.message.hidden = false;
 }
 
+// WebGL in software takes 100 ms and more a picture, the plain canvas two.
+function hasGraphicsHardware() {
+  const context = document.createElement("canvas")
+    .getContext("webgl2", { failIfMajorPerformanceCaveat: true });
+  if (!context) return false;
+  const names = context.getExtension("WEBGL_debug_renderer_info");
+  const renderer = context.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : context.RENDERER);
+  context.getExtension("WEBGL_lose_context")?.loseContext();
+  return !/swiftshader|llvmpipe|softpipe|software|basic render/i.test(renderer);
+}
+
 function makeStage() {
   const canvas = element("canvas", { id: "view" });
   ui.stage.prepend(canvas);
-  try {
-    return new Stage(canvas, data.partColours);
-  } catch {
-    // a canvas keeps the kind of context it was first asked for
-    const plain = element("canvas", { id: "view" });
-    canvas.replaceWith(plain);
-    return new Stage2d(plain, data.partColours);
-  }
+  return new (hasGraphicsHardware() ? Stage : Stage2d)(canvas, data.partColours);
 }
 
 const stage = makeStage();
@@ -128,7 +133,7 @@ function layout() {
   redraw();
 }
 
-function theme() {
+function readTheme() {
   const style = getComputedStyle(document.documentElement);
   const value = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
@@ -140,7 +145,8 @@ function theme() {
 
 function setTheme(name) {
   document.documentElement.dataset.theme = name;
-  stage.setTheme(theme());
+  theme = readTheme();
+  stage.setTheme(theme);
   redraw();
 }
 
@@ -178,7 +184,7 @@ function showLabels(t) {
 function draw(t) {
   timeline.follow(t);
   stage.draw(t, { ...options, orbit, cells });
-  timeline.draw(t, theme());
+  timeline.draw(t, theme);
   showWord(t);
   showLabels(t);
   ui.scrub.value = String(t);

@@ -1,0 +1,186 @@
+"""What every data module must do. The embedded corpus and a folder of BVH stand for their kinds."""
+
+import numpy as np
+import pytest
+
+from cospeech.corpus.windows import WindowSpec
+from cospeech.errors import CospeechError
+from cospeech.motion.bvh import write_bvh
+from cospeech.motion.kinematics import skeleton_positions
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import Skeleton
+from cospeech.speech.audio import save_wav
+from data_modules.mocap import MocapData
+from data_modules.synthetic import SyntheticData
+
+COMMON = {
+    "batch_size": 8,
+    "seed": 0,
+    "val_share": 0.2,
+    "test_share": 0.2,
+    "split_seed": 0,
+    "strict": False,
+    "max_recordings": None,
+}
+
+JOINTS = (
+    "Hips Spine Spine1 Spine2 Neck Head LeftShoulder LeftArm LeftForeArm LeftHand"
+    " RightShoulder RightArm RightForeArm RightHand LeftUpLeg RightUpLeg"
+).split()
+PARENTS = (-1, 0, 1, 2, 3, 4, 3, 6, 7, 8, 3, 10, 11, 12, 0, 0)
+OFFSETS = np.array(
+    [
+        [0, 0, 0],
+        [0, 0.1, 0],
+        [0, 0.1, 0],
+        [0, 0.1, 0],
+        [0, 0.28, 0],
+        [0, 0.1, 0],
+        [0.05, 0.22, 0],
+        [0.13, 0, 0],
+        [0, -0.28, 0],
+        [0, -0.25, 0],
+        [-0.05, 0.22, 0],
+        [-0.13, 0, 0],
+        [0, -0.28, 0],
+        [0, -0.25, 0],
+        [0.1, -0.05, 0],
+        [-0.1, -0.05, 0],
+    ]
+)
+
+
+class Windows:
+    window = WindowSpec(15, 34, 4, 10)
+    needs = frozenset({"positions", "audio", "words", "speakers"})
+
+
+def write_take(folder, name, seconds=20.0, seed=0):
+    """A take of 30 fps with swinging arms and a matching wav, without a transcript."""
+    rng = np.random.default_rng(seed)
+    frames = round(seconds * 30)
+    rotations = np.tile(np.array([0, 0, 0, 1], dtype=np.float32), (frames, len(JOINTS), 1))
+    angle = 0.5 * np.sin(np.arange(frames) / 30 * rng.uniform(2, 4))
+    for joint in (7, 11):
+        rotations[:, joint, 0] = np.sin(angle / 2)
+        rotations[:, joint, 3] = np.cos(angle / 2)
+    skeleton = Skeleton("made", tuple(JOINTS), PARENTS, OFFSETS)
+    hips = np.tile([0.0, 1.0, 0.0], (frames, 1))
+    positions = skeleton_positions(skeleton, rotations, hips).astype(np.float32)
+    write_bvh(folder / f"{name}.bvh", Motion(skeleton, 30.0, positions, rotations))
+    save_wav(folder / f"{name}.wav", rng.normal(0, 0.1, round(seconds * 16_000)).astype("f4"))
+
+
+@pytest.fixture(scope="module")
+def bvh_folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bvh")
+    for i in range(3):
+        write_take(folder, f"{'ab'[i % 2]}_{i}", seed=i)
+    return folder
+
+
+def synthetic(store_dir, **changes):
+    settings = {"minutes": 4, "corpus_seed": 0, "speakers": 2, "split": "recordings"}
+    return SyntheticData(store_dir=str(store_dir), **{**COMMON, **settings, **changes})
+
+
+def mocap(store_dir, root, **changes):
+    settings = {
+        "speaker": "prefix",
+        "frame_rate": None,
+        "joint_map": None,
+        "licence": "test",
+        "split": "time_blocks",
+    }
+    return MocapData(root=str(root), store_dir=str(store_dir), **{**COMMON, **settings, **changes})
+
+
+@pytest.fixture(scope="module", params=["synthetic", "mocap"])
+def data(request, tmp_path_factory, bvh_folder):
+    folder = tmp_path_factory.mktemp("stores")
+    module = synthetic(folder) if request.param == "synthetic" else mocap(folder, bvh_folder)
+    module.attach(Windows)
+    return module
+
+
+def test_batches_have_the_fields_that_were_asked_for(data):
+    for batches in (data.train_dataloader(), data.val_dataloader(), data.test_dataloader()):
+        batch = next(iter(batches))
+        count = len(batch)
+        assert batch.positions.shape == (count, 34, 10, 3)
+        assert batch.audio.shape == (count, 36_267)
+        assert batch.words.shape == (count, 34)
+        assert batch.speakers.shape == (count,)
+        assert batch.positions.isfinite().all()
+        assert batch.audio.abs().max() <= 1
+
+
+def test_no_frame_is_in_two_splits(data):
+    store = data.prepare_store()
+    seen = set()
+    for spans in store.splits.values():
+        for span in spans:
+            frames = {(span.recording, frame) for frame in range(span.start, span.stop)}
+            assert not frames & seen
+            seen |= frames
+
+
+def test_people_look_like_people(data):
+    """Axes: the head is up, the left arm at +x, the nose in front; metres."""
+    store = data.prepare_store()
+    upper = np.concatenate([store.upper_body(i) for i in range(len(store.recordings))])
+    mean = upper.mean(0)
+    spine, neck, nose, head, left_shoulder, *_ = mean
+    right_shoulder = mean[7]
+    assert 0.15 < neck[1] - spine[1] < 0.45
+    assert head[1] > neck[1]
+    assert left_shoulder[0] > 0.08
+    assert right_shoulder[0] < -0.08
+    assert nose[2] > neck[2]
+
+
+def test_opening_again_reads_the_same_store(data):
+    store = data.prepare_store()
+    before = (store.path / "manifest.json").stat().st_mtime_ns
+    data._store = None
+    assert (data.prepare_store().path / "manifest.json").stat().st_mtime_ns == before
+
+
+def test_other_settings_make_another_store(tmp_path, bvh_folder):
+    first = mocap(tmp_path, bvh_folder).prepare_store()
+    second = mocap(tmp_path, bvh_folder, val_share=0.3).prepare_store()
+    assert first.path != second.path
+
+
+def test_a_bad_recording_is_skipped_with_its_reason(tmp_path, bvh_folder):
+    for path in bvh_folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    bad = tmp_path / "c_9.bvh"
+    bad.write_text((tmp_path / "a_0.bvh").read_text().replace("Frames: 600", "Frames: 7669"))
+    (tmp_path / "c_9.wav").write_bytes((tmp_path / "a_0.wav").read_bytes())
+    store = mocap(tmp_path / "stores", tmp_path).prepare_store()
+    assert [recording.id for recording in store.recordings] == ["a_0", "a_2", "b_1"]
+    (skipped,) = store.manifest["skipped"]
+    assert skipped["id"] == "c_9"
+    assert "7669" in skipped["reason"]
+    with pytest.raises(CospeechError, match="7669"):
+        mocap(tmp_path / "strict", tmp_path, strict=True).prepare_store()
+    assert not list((tmp_path / "strict").glob("mocap*"))
+
+
+def test_the_synthetic_truth_is_kept(tmp_path):
+    store = synthetic(tmp_path).prepare_store()
+    annotations = store.annotations(0)
+    assert annotations["id"] == store.recordings[0].id
+    assert {"style", "gestures"} <= set(annotations)
+    phases = store.phases(0)
+    assert len(phases) == len(store.motion(0))
+
+
+def test_held_out_speakers_never_train(tmp_path):
+    store = synthetic(tmp_path, split="speakers", speakers=4, minutes=6).prepare_store()
+    training = set(store.speaker_ids)
+    for split in ("val", "test"):
+        for span in store.splits[split]:
+            assert store.recordings[span.recording].speaker not in training
+            assert store.speaker_id(span.recording) == 0

@@ -1,0 +1,211 @@
+import itertools
+import json
+import os
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from cospeech.errors import CospeechError
+from cospeech.reporting.__main__ import main
+from cospeech.reporting.chart import Line, line_chart
+from cospeech.reporting.collect import collect, differences, group_runs
+from cospeech.reporting.report import text_report, write_report
+
+
+def record(folder, seed=0, ablation="full", fgd=2.0, weight=5.0, **changes):
+    name = f"trimodal-synthetic-{ablation}-s{seed}"
+    values = {
+        "schema": 1,
+        "id": name,
+        "status": "ok",
+        "model": "trimodal",
+        "data": "synthetic",
+        "ablation": ablation,
+        "seed": seed,
+        "started": "2026-01-01T00:00:00+00:00",
+        "finished": "2026-01-01T01:00:00+00:00",
+        "config": {
+            "seed": seed,
+            "run_dir": f"outputs/runs/{name}",
+            "choices": {"ablation": ablation},
+            "model": {"loss": {"adversarial": weight}, "width": 8, "seed": seed},
+            "logger": {"csv": {"save_dir": f"outputs/runs/{name}"}},
+            "trainer": {"default_root_dir": f"outputs/runs/{name}/x"},
+        },
+        "commit": "0123456789abcdef",
+        "dirty": False,
+        "versions": {"torch": "2.13"},
+        "data_fingerprint": "corpus-1",
+        "encoder": {"sha256": "encoder-1", "name": "own"},
+        "timings": {"fit": 90.0, "test": 30.0},
+        "epochs": [{"epoch": e, "val/fgd": fgd + 10 - e, "val/joint_mae": 0.1} for e in range(5)],
+        "final": {"split": "test", "windows": {"fgd": fgd}, "recordings": {"fgd": fgd + 1}},
+        "references": {"real_halves": {"fgd": 0.25}, "mean_pose": {"fgd": 9.0}},
+        "samples": [],
+        "error": None,
+    } | changes
+    run = folder / (name + f"-{len(list(folder.iterdir()))}")
+    run.mkdir(parents=True)
+    (run / "record.json").write_text(json.dumps(values))
+    return run
+
+
+@pytest.fixture
+def study(tmp_path):
+    for seed, fgd in ((0, 1.0), (1, 2.0), (2, 6.0)):
+        record(tmp_path, seed, fgd=fgd)
+    record(tmp_path, 0, "trimodal__no_adversarial", fgd=4.0, weight=0.0)
+    return tmp_path
+
+
+def test_seeds_meet_in_one_group_and_ablations_do_not(study):
+    groups = group_runs(collect(study).runs)
+    assert [(g.label, len(g.runs)) for g in groups] == [
+        ("trimodal", 3),
+        ("trimodal, trimodal__no_adversarial", 1),
+    ]
+    summary = groups[0].summary("windows", "fgd")
+    assert (summary.mean, summary.n) == (3.0, 3)
+    assert summary.std == pytest.approx(7**0.5)
+    assert groups[0].summary("recordings", "fgd").mean == 4.0
+    assert groups[0].summary("windows", "unknown") is None
+
+
+def test_damaged_and_odd_records_are_listed_not_fatal(study):
+    (study / "cut").mkdir()
+    (study / "cut/record.json").write_text('{"id": "x", "epo')
+    (study / "list").mkdir()
+    (study / "list/record.json").write_text("[1, 2]")
+    (study / "deep").mkdir()
+    (study / "deep/record.json").write_text("[" * 100_000)
+    (study / "binary").mkdir()
+    (study / "binary/record.json").write_bytes(b"\xff\xfe\x00")
+    (study / "sparse").mkdir()
+    odd = {"final": 3, "epochs": "none", "samples": None, "config": [], "encoder": "x", "new": 1}
+    (study / "sparse/record.json").write_text(json.dumps(odd))
+    collection = collect(study)
+    assert sorted(path.parent.name for path, _ in collection.damaged) == [
+        "binary",
+        "cut",
+        "deep",
+        "list",
+    ]
+    assert len(collection.runs) == 5
+    text = text_report(collection)
+    assert "sparse: unknown" in text
+    assert re.search(r"cut/record\.json: damaged record, left out \(Unterminated", text)
+    page = write_report(collection, study / "report.html").read_text()
+    assert "Damaged records" in page
+    assert "holds a list, not an object" in page
+
+
+def test_a_repeated_seed_counts_once_the_newest(study):
+    record(study, 0, fgd=3.0, finished="2026-02-02T00:00:00+00:00")
+    group = group_runs(collect(study).runs)[0]
+    assert [run.seed for run in group.runs] == [0, 1, 2]
+    assert group.summary("windows", "fgd").mean == pytest.approx((3 + 2 + 6) / 3)
+    assert len(group.superseded) == 1
+
+
+def test_unfinished_runs_do_not_count(study):
+    record(study, 3, fgd=100.0, status="failed", error="ValueError: NaN\nmore", encoder=None)
+    collection = collect(study)
+    group = group_runs(collection.runs)[0]
+    assert (len(group.runs), [run.seed for run in group.unfinished]) == (3, [3])
+    assert "trimodal-synthetic-full-s3: failed: ValueError: NaN" in text_report(collection)
+
+
+def test_numbers_of_different_encoders_never_meet(study):
+    record(study, 3, fgd=50.0, encoder={"sha256": "encoder-2", "name": "published"})
+    groups = group_runs(collect(study).runs)
+    assert sorted((g.label, len(g.runs)) for g in groups)[:2] == [
+        ("trimodal [encoder=encoder-1]", 3),
+        ("trimodal [encoder=encoder-2]", 1),
+    ]
+
+
+def test_a_swept_setting_makes_groups_and_names_them(study):
+    record(study, 0, weight=2.5)
+    labels = [group.label for group in group_runs(collect(study).runs)]
+    assert "trimodal [model.loss.adversarial=5.0]" in labels
+    assert "trimodal [model.loss.adversarial=2.5]" in labels
+
+
+def test_why_different_names_what_differs_and_nothing_else(study):
+    runs = {(run.values["ablation"], run.seed): run for run in collect(study).runs}
+    assert differences([runs["full", 0], runs["full", 1]]) == {}
+    table = differences([runs["full", 0], runs["trimodal__no_adversarial", 0]])
+    assert table == {"model.loss.adversarial": [5.0, 0.0]}
+
+
+def test_text_report_numbers(study):
+    text = text_report(collect(study), "markdown")
+    windows, recordings = text.split("Recordings protocol")
+    assert "| trimodal | 3 | 3.0 ± 2.6 |" in windows
+    assert "| trimodal, trimodal__no_adversarial | 1 | 4 |" in windows
+    assert "| real halves | \N{EN DASH} | 0.2500 |" in windows
+    assert "| trimodal | 3 | 4.0 ± 2.6 |" in recordings
+    assert "FGD ↓" in windows
+
+
+def test_page_is_self_contained_and_links_to_players(study):
+    run = record(study, 5, samples=["samples/pl ayer.html", "../../secret.html", "missing.html"])
+    (run / "samples").mkdir()
+    (run / "samples/pl ayer.html").write_text("x")
+    (study.parent / "secret.html").write_text("x")
+    page = write_report(collect(study), study / "report.html").read_text()
+    links = re.findall(r'href="([^"]*)"', page)
+    assert links == [f"{run.name}/samples/pl%20ayer.html"]
+    assert not re.search(r"https?://|<script|src=", page)
+    assert "<td><code>model.loss.adversarial</code></td><td>5</td><td>0</td>" in page
+    assert "uncommitted" not in page
+    assert "2.0 min" in page
+
+
+def test_page_escapes_what_records_say(study):
+    record(study, 9, id="<script>alert(1)</script>", status="failed", error="<img src=x>")
+    page = write_report(collect(study), study / "report.html").read_text()
+    assert "<script>" not in page
+    assert "<img" not in page
+
+
+def test_curves_are_where_the_numbers_say(study):
+    page = write_report(collect(study), study / "report.html").read_text()
+    svg = ET.fromstring(re.search(r"<svg.*?</svg>", page, re.S).group(0))
+    lines = svg.findall("polyline")
+    assert len(lines) == 4
+    points = [tuple(map(float, p.split(","))) for p in lines[0].get("points").split()]
+    assert len(points) == 5
+    # falling by one per epoch: equal steps right and down
+    steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(points)]
+    assert all(step[0] == pytest.approx(steps[0][0], abs=0.11) and step[1] > 0 for step in steps)
+    assert lines[0].find("title").text == "trimodal, seed 0"
+
+
+def test_chart_turns_logarithmic_and_skips_what_is_not_finite():
+    points = [(0, 1000.0), (1, float("nan")), (2, 10.0), (3, 0.1)]
+    svg = ET.fromstring(line_chart([Line("a & b", "red", points)], "epoch", "fgd"))
+    xy = [tuple(map(float, p.split(","))) for p in svg.find("polyline").get("points").split()]
+    assert len(xy) == 3
+    # two decades each: equal steps down
+    assert xy[1][1] - xy[0][1] == pytest.approx(xy[2][1] - xy[1][1], abs=0.11)
+    assert any("logarithmic" in (text.text or "") for text in svg.findall("text"))
+    assert line_chart([Line("a", "red", [(0, float("inf"))])], "x", "y") == ""
+    single = ET.fromstring(line_chart([Line("a", "red", [(4, 2.0)])], "x", "y"))
+    assert len(single.findall("circle")) == 1
+
+
+def test_command_prints_the_table_and_writes_the_page(study, capsys):
+    assert main([str(study)]) == 0
+    printed = capsys.readouterr().out
+    assert "3.0 ± 2.6" in printed
+    assert (study / "report.html").is_file()
+    assert os.fspath(study / "report.html") in printed
+
+
+def test_command_says_what_is_missing(tmp_path, capsys):
+    assert main([str(tmp_path / "none")]) == 1
+    assert "no such folder" in capsys.readouterr().err
+    with pytest.raises(CospeechError, match=r"no record\.json"):
+        collect(tmp_path)
