@@ -88,9 +88,7 @@ def test_the_same_seed_trains_the_same_weights(name, store, tmp_path):
     first, second = build(name, store), build(name, store)
     fit(first, store, tmp_path)
     fit(second, store, tmp_path)
-    for (key, a), b in zip(
-        first.state_dict().items(), second.state_dict().values(), strict=True
-    ):
+    for (key, a), b in zip(first.state_dict().items(), second.state_dict().values(), strict=True):
         assert torch.equal(a, b), key
 
 

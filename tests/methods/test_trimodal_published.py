@@ -169,7 +169,7 @@ def test_unusable_files_are_named(tmp_path):
 
 
 def test_foreign_tensors_are_refused():
-    with pytest.raises(CospeechError, match="there is no tensor 'text_encoder.embedding"):
+    with pytest.raises(CospeechError, match=r"there is no tensor 'text_encoder\.embedding"):
         import_published({"layer.weight": torch.zeros(2, 2)})
     with pytest.raises(
         CospeechError, match=r"holds no state dict under 'gen_dict'; keys: \['epoch"

@@ -229,6 +229,12 @@ def test_word_vectors_are_read_when_training_starts(tmp_path):
     assert method.generator.text_encoder.embedding.weight[4].eq(0.5).all()
 
 
+def test_frozen_random_vectors_are_pointed_out(caplog):
+    with caplog.at_level("WARNING"):
+        train(small(word_embedding="frozen"), small_batch(), steps=1)
+    assert "random vectors stay random" in caplog.text
+
+
 def test_word_vectors_of_another_size_are_refused(tmp_path):
     path = tmp_path / "tiny.vec"
     path.write_text("1 2\nword0 0.5 0.5\n")

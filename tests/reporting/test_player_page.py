@@ -1,7 +1,9 @@
 import base64
+import hashlib
 import io
 import json
 import re
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -101,6 +103,17 @@ def test_page_refers_to_nothing_outside(clip, tmp_path):
     # namespaces are names, not addresses
     urls = set(re.findall(r"https?://[\w./-]+", text))
     assert urls <= {"http://www.w3.org/1999/xhtml", "http://www.w3.org/2000/svg"}
+
+
+def test_bundle_was_built_from_these_sources():
+    folder = files("cospeech.reporting.player")
+    digest = hashlib.sha256()
+    sources = sorted((f for f in (folder / "src").iterdir()), key=lambda f: f.name)
+    for source in [*sources, folder / "package.json"]:
+        digest.update(source.read_text(encoding="utf-8").encode())
+    head = (folder / "player.bundle.js").read_text(encoding="utf-8")[:100]
+    # after a change: npm install --no-package-lock && npm run build, in the player's folder
+    assert head.startswith(f"/* sources {digest.hexdigest()} */")
 
 
 def test_bundle_keeps_the_licence_and_stays_small(clip, tmp_path):

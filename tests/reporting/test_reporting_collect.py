@@ -63,7 +63,7 @@ def test_seeds_meet_in_one_group_and_ablations_do_not(study):
     groups = group_runs(collect(study).runs)
     assert [(g.label, len(g.runs)) for g in groups] == [
         ("trimodal", 3),
-        ("trimodal, trimodal__no_adversarial", 1),
+        ("trimodal, no adversarial", 1),
     ]
     summary = groups[0].summary("windows", "fgd")
     assert (summary.mean, summary.n) == (3.0, 3)
@@ -143,7 +143,7 @@ def test_text_report_numbers(study):
     text = text_report(collect(study), "markdown")
     windows, recordings = text.split("Recordings protocol")
     assert "| trimodal | 3 | 3.0 ± 2.6 |" in windows
-    assert "| trimodal, trimodal__no_adversarial | 1 | 4 |" in windows
+    assert "| trimodal, no adversarial | 1 | 4 |" in windows
     assert "| real halves | \N{EN DASH} | 0.2500 |" in windows
     assert "| trimodal | 3 | 4.0 ± 2.6 |" in recordings
     assert "FGD ↓" in windows

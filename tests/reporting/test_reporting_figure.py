@@ -5,14 +5,9 @@ from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.reporting.figure import (
-    check_drawable,
-    facing,
-    figure_of,
-    floor_height,
-    side_of,
-    wrists,
-)
+from cospeech.reporting.figure import check_drawable, figure_of
+from cospeech.reporting.framing import extents, facing
+from cospeech.reporting.joint_names import side_of, wrists
 from cospeech.reporting.projection import Camera, ground_path
 
 
@@ -102,7 +97,7 @@ def test_real_mocap_wrists_and_no_bones_inside_the_skull(shared):
     assert {"LeftHandPinky3", "RightToeBase", "Neck1"} <= drawn
     # feet stand on the floor, give or take a shoe
     lowest = motion.positions[:, :, 1].min()
-    assert -0.05 < floor_height(motion) - lowest < 0.05
+    assert -0.05 < extents({"a": motion})["a"].floor - lowest < 0.05
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, -2.5])
@@ -116,7 +111,7 @@ def test_facing_is_the_angle_the_body_was_turned_by(still, angle):
 
 def test_camera_puts_the_left_arm_on_the_viewers_right_and_keeps_everything_in_the_cell(still):
     motion = still()
-    camera = Camera(motion, (640, 480))
+    camera = Camera(motion, (640, 480), extents({"a": motion})["a"])
     seen = camera.project(motion.positions[0], 0)
     assert seen.pixels[6, 0] > seen.pixels[9, 0] + 50
     assert seen.pixels[3, 1] < seen.pixels[0, 1]
@@ -145,3 +140,13 @@ def test_motion_that_is_not_finite_names_track_frame_and_joint(still):
         check_drawable("generated", Motion(UPPER_BODY, 15, positions))
     with pytest.raises(CospeechError, match="no frames"):
         check_drawable("generated", still(frames=0))
+
+
+def test_equal_poses_of_two_tracks_are_drawn_at_equal_heights(still):
+    low = still()
+    high = low.positions.copy()
+    high[20:, 6, 1] = 1.5
+    room = extents({"recorded": low, "generated": Motion(UPPER_BODY, 15, high)})
+    assert room["recorded"] == room["generated"]
+    assert room["recorded"].floor == pytest.approx(-0.1 - 0.06)
+    assert room["recorded"].height == pytest.approx(1.5 + 0.16)

@@ -8,6 +8,7 @@ import pytest
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.reporting.framing import extents
 from cospeech.reporting.projection import Camera
 from cospeech.reporting.video import frame_image, subtitle_lines, write_mp4
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
@@ -30,6 +31,11 @@ def speech():
     return Speech(tone.astype(np.float32), (Word("hello", 0.2, 0.6), Word("there", 0.6, 1.9)))
 
 
+def camera_of(motion):
+    """The camera of a 640 x 480 picture, drawn at twice that, its last 14 % left to subtitles."""
+    return Camera(motion, (1280, 960 - round(0.14 * 960)), extents({"a": motion})["a"])
+
+
 def probe(path, *arguments):
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", str(path), *arguments]
     return subprocess.run(command, capture_output=True, check=False)
@@ -45,8 +51,8 @@ def is_orange(pixel):
 
 
 def test_picture_has_the_left_wrist_where_the_camera_sees_it(raised):
-    band, size = 0.14, (640, 480)
-    camera = Camera(raised, (2 * size[0], 2 * size[1] - round(band * 2 * size[1])))
+    size = (640, 480)
+    camera = camera_of(raised)
     for frame in (0, 29):
         picture = np.asarray(frame_image({"recorded": raised}, frame, size=size)).astype(int)
         seen = camera.project(raised.positions[frame], frame).pixels / 2
@@ -62,12 +68,12 @@ def test_picture_has_the_left_wrist_where_the_camera_sees_it(raised):
 def test_a_nearer_bone_covers_a_farther_one(rest):
     # both wrists on the line of sight's way: the left one 0.4 m in front of the right one
     positions = np.repeat(rest[None], 2, axis=0)
-    camera = Camera(Motion(UPPER_BODY, 15, positions), (1280, 826))
+    camera = camera_of(Motion(UPPER_BODY, 15, positions))
     toward = camera._axes[2]
     positions[:, 9] = positions[:, 6] - 0.4 * toward
     motion = Motion(UPPER_BODY, 15, positions)
     picture = np.asarray(frame_image({"a": motion}, 0, size=(640, 480))).astype(int)
-    seen = Camera(motion, (1280, 960 - round(0.14 * 960))).project(positions[0], 0)
+    seen = camera_of(motion).project(positions[0], 0)
     assert seen.depth[6] < seen.depth[9]
     at = (seen.pixels[6] / 2).round().astype(int)
     assert is_orange(picture[at[1], at[0]])

@@ -235,7 +235,8 @@ def _comparable(runs: Sequence[Run]) -> list[list[Run]]:
 def _group(members: Sequence[Run]) -> Group:
     first = members[0].values
     model, data, ablation = (str(first.get(name)) for name in ("model", "data", "ablation"))
-    label = model if ablation in ("full", "None") else f"{model}, {ablation}"
+    what = ablation.removeprefix(f"{model}__").replace("_", " ")
+    label = model if ablation in ("full", "None") else f"{model}, {what}"
     group = Group(label, model, data, ablation)
     for run in sorted(members, key=lambda run: str(run.values.get("finished") or ""), reverse=True):
         if run.status != "ok":

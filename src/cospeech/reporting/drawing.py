@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.reporting.figure import PART_COLOURS, check_drawable, figure_of
+from cospeech.reporting.framing import extents
 from cospeech.reporting.projection import Camera
 from cospeech.speech.speech import Word
 
@@ -75,11 +76,16 @@ class FigurePainter:
         edges = [round(i * width / len(tracks)) for i in range(len(tracks) + 1)]
         self._lefts = edges[:-1]
         cells = [(b - a, height - self._band) for a, b in itertools.pairwise(edges)]
-        fitted = [Camera(m, cell) for m, cell in zip(tracks.values(), cells, strict=True)]
+        room = extents(tracks)
+        fitted = [
+            Camera(motion, cell, room[name])
+            for (name, motion), cell in zip(tracks.items(), cells, strict=True)
+        ]
         # one distance for all, so that sizes compare
         distance = max(camera.distance for camera in fitted)
         self._cameras = [
-            Camera(m, cell, distance) for m, cell in zip(tracks.values(), cells, strict=True)
+            Camera(motion, cell, room[name], distance)
+            for (name, motion), cell in zip(tracks.items(), cells, strict=True)
         ]
         self._figures = [figure_of(motion) for motion in tracks.values()]
         self._grounds: dict[int, tuple[bytes, Image]] = {}
@@ -135,14 +141,14 @@ class FigurePainter:
         seen = camera.project(points, frame)
         strokes: list[tuple[float, str, NDArray[np.float64], NDArray[np.float64]]] = []
         for limb in figure.limbs:
-            ends = points[[limb.upper, limb.lower]].astype(np.float64)
+            bone = points[[limb.upper, limb.lower]].astype(np.float64)
             if figure.skull is not None and limb.upper == len(positions):
                 # the nose: what of it is inside the skull would be painted over the face
-                share = 0.92 * figure.skull.radius / float(np.linalg.norm(ends[1] - ends[0]))
+                share = 0.92 * figure.skull.radius / float(np.linalg.norm(bone[1] - bone[0]))
                 if share >= 1:
                     continue
-                ends[0] += (ends[1] - ends[0]) * share
-            at = camera.project(ends, frame)
+                bone[0] += (bone[1] - bone[0]) * share
+            at = camera.project(bone, frame)
             radii = limb.radius * at.scale * np.array([1.0, 0.84])
             strokes.append((float(at.depth.mean()), limb.part, at.pixels, radii))
         for ball in figure.balls:

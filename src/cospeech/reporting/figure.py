@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -13,6 +11,17 @@ from numpy.typing import NDArray
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
+from cospeech.reporting.joint_names import (
+    ARM,
+    CLAVICLE,
+    FINGER,
+    LEG,
+    NOSE,
+    WRIST,
+    says,
+    side_of,
+    wrists,
+)
 
 PARTS: tuple[str, ...] = ("body", "left_arm", "right_arm", "legs")
 """Colour groups of bones."""
@@ -25,25 +34,17 @@ PART_COLOURS: dict[str, str] = {
 }
 """sRGB colour of each group; orange and blue stay apart for colour-blind readers."""
 
-_TOKEN = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
-_CLAVICLE = ("shoulder", "clavicle", "collar", "shldr")
-_FINGER = ("thumb", "index", "middle", "ring", "pinky", "pinkie", "little", "finger")
-_WRIST = ("wrist", "hand")
-_NOSE = ("nose",)
-_ARM = (*_CLAVICLE, "arm", "elbow", *_WRIST, *_FINGER)
-_LEG = ("leg", "thigh", "knee", "foot", "ankle", "toe", "heel")
-
 # radius in metres of a bone, by what its child joint is called; the first match counts
 _RADII: tuple[tuple[tuple[str, ...], float], ...] = (
-    (_FINGER, 0.008),
-    (_WRIST, 0.024),
+    (FINGER, 0.008),
+    (WRIST, 0.024),
     (("toe", "heel"), 0.026),
     (("foot", "ankle"), 0.036),
-    (_LEG, 0.046),
+    (LEG, 0.046),
     (("fore", "elbow"), 0.030),
-    ((*_CLAVICLE, "arm"), 0.026),
+    ((*CLAVICLE, "arm"), 0.026),
     (("eye", "ear", "jaw"), 0.014),
-    (_NOSE, 0.02),
+    (NOSE, 0.02),
     (("head",), 0.03),
     (("neck",), 0.034),
     (("hip", "pelvis", "spine", "chest", "torso"), 0.044),
@@ -124,37 +125,14 @@ class Figure:
         return np.concatenate([positions, centre[..., None, :]], axis=-2)
 
 
-def _tokens(joint: str) -> list[str]:
-    return [token.lower() for token in _TOKEN.findall(joint)]
-
-
-def _says(joint: str, words: tuple[str, ...]) -> bool:
-    return any(word in token for token in _tokens(joint) for word in words)
-
-
-def side_of(joint: str) -> str | None:
-    """``"left"``, ``"right"`` or None, from a joint's name in any of the usual spellings.
-
-    ``LeftHand``, ``left_hand``, ``l_hand``, ``LHand``, ``Hand_L`` and ``lefthand`` are all left.
-    """
-    for token in _tokens(joint):
-        if token == "l" or token.startswith("left"):
-            return "left"
-        if token == "r" or token.startswith("right"):
-            return "right"
-    return None
-
-
 def _part(parent: str, child: str) -> str:
-    if _says(child, _LEG) or _says(parent, _LEG):
+    if says(child, LEG) or says(parent, LEG):
         return "legs"
     side = side_of(child)
-    if side is None or side_of(parent) != side or not _says(child, _ARM):
+    if side is None or side_of(parent) != side or not says(child, ARM):
         return "body"
     # LeftShoulder -> LeftArm is the collar bone of mocap skeletons: the arm starts below it
-    collar_bone = (
-        _says(parent, _CLAVICLE) and _says(child, ("arm",)) and not _says(child, ("fore",))
-    )
+    collar_bone = says(parent, CLAVICLE) and says(child, ("arm",)) and not says(child, ("fore",))
     return "body" if collar_bone else f"{side}_arm"
 
 
@@ -172,7 +150,7 @@ def figure_of(motion: Motion) -> Figure:
     balls: list[Ball] = []
     if skull is not None:
         inside = _descendants(motion.skeleton, skull.below)
-        face = [i for i in sorted(inside) if _says(joints[i], _NOSE)]
+        face = [i for i in sorted(inside) if says(joints[i], NOSE)]
         if face:
             # neck to centre and centre to nose, for neck to nose and nose to crown
             nose = face[0]
@@ -191,7 +169,7 @@ def figure_of(motion: Motion) -> Figure:
         length = float(np.median(lengths))
         if length < 1e-3:
             continue
-        radius = next((r for words, r in _RADII if _says(names[lower], words)), _OTHER_RADIUS)
+        radius = next((r for words, r in _RADII if says(names[lower], words)), _OTHER_RADIUS)
         part = _part(names[upper], names[lower])
         limbs.append(Limb(upper, lower, part, min(radius, 0.45 * length)))
     parents = set(motion.skeleton.parents)
@@ -219,10 +197,10 @@ def _skull(motion: Motion) -> Skull | None:
     joints = motion.skeleton.joints
 
     def first(words: tuple[str, ...], among: Iterable[int]) -> int | None:
-        return next((i for i in among if _says(joints[i], words)), None)
+        return next((i for i in among if says(joints[i], words)), None)
 
     everywhere = range(len(joints))
-    if first(_NOSE, everywhere) is not None:
+    if first(NOSE, everywhere) is not None:
         low, high = first(("neck",), everywhere), first(("head",), everywhere)
         place, share = 0.62, 0.38
     else:
@@ -234,53 +212,6 @@ def _skull(motion: Motion) -> Skull | None:
     span = motion.positions[:, high] - motion.positions[:, low]
     length = float(np.median(np.linalg.norm(span, axis=-1)))
     return Skull(low, high, place, share * length) if length > 0.02 else None
-
-
-def wrists(skeleton: Skeleton) -> dict[str, int]:
-    """Index of each wrist the skeleton has, keyed ``"left"`` and ``"right"``."""
-    found: dict[str, int] = {}
-    for words in (("wrist",), ("hand",)):
-        for i, joint in enumerate(skeleton.joints):
-            side = side_of(joint)
-            if side and side not in found and _says(joint, words) and not _says(joint, _FINGER):
-                found[side] = i
-    return found
-
-
-def facing(motion: Motion) -> float:
-    """Mean heading of the body, radians about +y; 0 looks along +z, positive turns to +x.
-
-    From the line between left and right shoulders (or arms and hips, whichever the skeleton
-    names): across × up points forward. A skeleton without sides faces 0.
-    """
-    anchors: tuple[str, ...] = (*_CLAVICLE, "arm", "hip", "thigh")
-    sides: dict[str, list[int]] = {"left": [], "right": []}
-    for i, joint in enumerate(motion.skeleton.joints):
-        side = side_of(joint)
-        if side and _says(joint, anchors) and not _says(joint, ("fore",)):
-            sides[side].append(i)
-    if not (sides["left"] and sides["right"] and len(motion)):
-        return 0.0
-    across = motion.positions[:, sides["left"]].mean(
-        axis=(0, 1), dtype=np.float64
-    ) - motion.positions[:, sides["right"]].mean(axis=(0, 1), dtype=np.float64)
-    forward_x, forward_z = -across[2], across[0]
-    if math.hypot(forward_x, forward_z) < 1e-3:
-        return 0.0
-    return math.atan2(forward_x, forward_z)
-
-
-def floor_height(motion: Motion) -> float:
-    """Height in metres at which to draw the ground.
-
-    The feet where there are feet (first percentile over frames, so one bad frame does not lift
-    the actor off the ground); otherwise a little below the lowest joint.
-    """
-    if not len(motion):
-        return 0.0
-    lowest = motion.positions[:, :, 1].min(axis=1)
-    has_legs = any(_says(joint, ("foot", "ankle", "toe")) for joint in motion.skeleton.joints)
-    return float(np.percentile(lowest, 1)) - (0.02 if has_legs else 0.06)
 
 
 def check_drawable(name: str, motion: Motion) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.motion.motion import Motion
-from cospeech.reporting.figure import facing, floor_height
+from cospeech.reporting.framing import Extent, facing
 
 _FIELD_OF_VIEW = math.radians(30)
 _AZIMUTH = 0.42
@@ -53,6 +53,7 @@ class Camera:
     Args:
         motion: What is looked at; sets distance, height and heading.
         cell: Width and height in pixels.
+        extent: Its floor and height.
         distance: Metres; None takes the least that shows the whole clip.
     """
 
@@ -60,19 +61,19 @@ class Camera:
         self,
         motion: Motion,
         cell: tuple[int, int],
+        extent: Extent,
         distance: float | None = None,
     ) -> None:
         self.cell = cell
-        self.floor = floor_height(motion)
+        self.floor = extent.floor
         self.path = ground_path(motion)
-        height = max(float(motion.positions[:, :, 1].max()) - self.floor, 0.2)
-        self._middle = self.floor + 0.52 * height
+        self._middle = extent.floor + 0.52 * extent.height
         around = motion.positions[:, :, ::2] - self.path[:, None]
         reach = float(np.linalg.norm(around, axis=-1).max())
         half = math.tan(_FIELD_OF_VIEW / 2)
         width_px, height_px = cell
         fitting = 0.5 * reach + max(
-            0.55 * height / half, 0.9 * reach / (half * width_px / height_px)
+            0.55 * extent.height / half, 0.9 * reach / (half * width_px / height_px)
         )
         self.distance = fitting if distance is None else distance
         self._yaw = facing(motion)

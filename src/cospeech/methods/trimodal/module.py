@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, ClassVar, Literal, cast, get_args
@@ -40,6 +41,8 @@ from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
 from cospeech.speech.vocabulary import Vocabulary
 from cospeech.speech.word_vectors import load_word_vectors
+
+logger = logging.getLogger(__name__)
 
 WordEmbedding = Literal["fine_tune", "frozen", "scratch"]
 
@@ -130,7 +133,7 @@ class Trimodal(GestureMethod):
             )
         self.save_hyperparameters(logger=False)
         self.context, self.style = context, style
-        self.word_vectors = word_vectors
+        self.word_embedding, self.word_vectors = word_embedding, word_vectors
         self.huber_weight = huber_weight
         self.diversity_weight = diversity_weight
         self.kld_weight = kld_weight
@@ -176,7 +179,11 @@ class Trimodal(GestureMethod):
 
     def setup(self, stage: str) -> None:
         """Read the word vectors before a new training; a resumed one has them in its checkpoint."""
-        if stage == "fit" and self.word_vectors is not None and self.trainer.ckpt_path is None:
+        if stage != "fit" or self.trainer.ckpt_path is not None:
+            return
+        if self.word_vectors is None and self.word_embedding == "frozen":
+            logger.warning("frozen word embedding without word_vectors: random vectors stay random")
+        if self.word_vectors is not None:
             weight = self.generator.text_encoder.embedding.weight
             vectors = load_word_vectors(self.word_vectors, self.vocabulary.words, seed=0)
             if vectors.shape != weight.shape:
@@ -251,6 +258,7 @@ class Trimodal(GestureMethod):
             on_step=False,
             on_epoch=True,
             batch_size=len(batch),
+            sync_dist=True,
         )
 
     def _diversity(

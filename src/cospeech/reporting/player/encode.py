@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -13,14 +13,9 @@ from numpy.typing import NDArray
 
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
-from cospeech.reporting.figure import (
-    PARTS,
-    check_drawable,
-    facing,
-    figure_of,
-    floor_height,
-    wrists,
-)
+from cospeech.reporting.figure import PARTS, check_drawable, figure_of
+from cospeech.reporting.framing import Extent, extents, facing
+from cospeech.reporting.joint_names import wrists
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 
 _INT16_MAX = 32767
@@ -96,14 +91,26 @@ def encode_phases(labels: Sequence[str], fps: float) -> list[list[Any]]:
     return runs
 
 
-def encode_track(name: str, motion: Motion, phases: Sequence[str] | None) -> dict[str, Any]:
-    """One skeleton's motion with what is needed to draw it.
+def encode_tracks(
+    tracks: Mapping[str, Motion], phases: Mapping[str, Sequence[str]]
+) -> list[dict[str, Any]]:
+    """Skeletons' motions with what is needed to draw them.
 
     Raises:
-        CospeechError: The motion is empty or not finite, or the number of phase labels is not the
+        CospeechError: A motion is empty or not finite, or the number of phase labels is not the
             number of frames.
     """
-    check_drawable(name, motion)
+    for name, motion in tracks.items():
+        check_drawable(name, motion)
+    room = extents(tracks)
+    return [
+        _encode_track(name, motion, room[name], phases.get(name)) for name, motion in tracks.items()
+    ]
+
+
+def _encode_track(
+    name: str, motion: Motion, extent: Extent, phases: Sequence[str] | None
+) -> dict[str, Any]:
     if phases is not None and len(phases) != len(motion):
         raise CospeechError(
             f"track {name!r}: {len(phases)} phase labels for {len(motion)} frames",
@@ -126,7 +133,8 @@ def encode_track(name: str, motion: Motion, phases: Sequence[str] | None) -> dic
         "skull": None if skull is None else [skull.below, skull.above, skull.place],
         "wrists": wrists(motion.skeleton),
         "yaw": facing(motion),
-        "floor": floor_height(motion),
+        "floor": extent.floor,
+        "height": extent.height,
         "phases": None if phases is None else encode_phases(phases, motion.fps),
         **encode_positions(motion.positions),
     }

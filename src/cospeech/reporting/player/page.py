@@ -17,7 +17,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASES
 from cospeech.reporting.figure import PART_COLOURS, PARTS
 from cospeech.reporting.files import replacing
-from cospeech.reporting.player.encode import encode_audio, encode_track
+from cospeech.reporting.player.encode import encode_audio, encode_tracks
 from cospeech.speech.speech import Speech
 
 PHASE_COLOURS: dict[str, str] = dict(
@@ -109,9 +109,7 @@ def _clip_values(clip: PlayerClip) -> dict[str, Any]:
         "audio": encode_audio(clip.speech),
         "words": None if words is None else [[w.text, float(w.start), float(w.end)] for w in words],
         "facts": [[str(key), str(value)] for key, value in clip.facts.items()],
-        "tracks": [
-            encode_track(name, motion, phases.get(name)) for name, motion in clip.tracks.items()
-        ],
+        "tracks": encode_tracks(clip.tracks, phases),
     }
 
 

@@ -74,12 +74,8 @@ export class Track {
   #measure() {
     const size = this.joints * 3;
     const sums = new Float64Array(2 * (this.frames + 1));
-    let top = -Infinity;
     let reach = 0;
     for (let f = 0; f < this.frames; f++) {
-      for (let j = 0; j < this.joints; j++) {
-        top = Math.max(top, this.positions[f * size + 3 * j + 1]);
-      }
       sums[2 * f + 2] = sums[2 * f] + this.positions[f * size];
       sums[2 * f + 3] = sums[2 * f + 1] + this.positions[f * size + 2];
     }
@@ -100,7 +96,6 @@ export class Track {
         );
       }
     }
-    this.height = Math.max(top - this.floor, 0.2);
     this.middle = this.floor + this.height * 0.52;
     this.reach = reach;
   }

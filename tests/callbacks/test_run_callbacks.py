@@ -1,0 +1,161 @@
+"""The run's callbacks on a method small enough to know what they must report."""
+
+import json
+
+import pytest
+import torch
+from lightning import Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint
+
+from callbacks.cost_estimate import CostEstimate
+from callbacks.evaluate_fgd import EvaluateFGD
+from callbacks.run_record import WriteRunRecord
+from callbacks.step_seed import SeedEachStep
+from callbacks.stop_on_nan import StopOnNaN
+from callbacks.throughput import Throughput
+from cospeech.corpus.windows import WindowDataset, WindowLoader, WindowSpec
+from cospeech.errors import CospeechError
+from cospeech.experiment import RunContext
+from cospeech.methods.base import GestureMethod
+from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
+from cospeech.metrics.functional import frechet_distance, joint_mae
+from cospeech.metrics.moments import feature_moments
+from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.reporting.record import RunRecord
+from tests.corpora import make_store
+
+
+class Shifted(GestureMethod):
+    """Gives back the real motion with the left wrist 5 cm higher; learns one useless number."""
+
+    window = WindowSpec(15, 34, 4, 10)
+    needs = frozenset({"positions"})
+
+    def __init__(self, nan_at: int | None = None):
+        super().__init__()
+        self.number = torch.nn.Parameter(torch.ones(()))
+        self.nan_at = nan_at
+        self.draws = []
+
+    def configure_optimizers(self):
+        return torch.optim.SGD([self.number], 0.1)
+
+    def training_step(self, batch, batch_idx):
+        self.draws.append(torch.rand(()).item())
+        loss = self.number.square()
+        if self.nan_at == batch_idx:
+            loss = loss * float("nan")
+        self.log("train/loss", loss, on_step=False, on_epoch=True)
+        return {"train/loss": loss.detach()}
+
+    def sample(self, batch, generator):
+        positions = batch.positions.clone()
+        positions[:, :, 6, 1] += 0.05
+        return positions
+
+    def generate(self, speech, speaker=None, seed_motion=None, controls=None, generator=None):
+        frames = round(speech.duration * 15)
+        return Motion(UPPER_BODY, 15.0, torch.zeros(frames, 10, 3).numpy())
+
+
+@pytest.fixture
+def run(tmp_path):
+    store = make_store(tmp_path)
+    torch.manual_seed(0)
+    encoder = GestureEncoder(PoseAutoencoder(), store.facts()["mean_direction"])
+    facts = {"id": "x", "model": "m", "data": "d", "ablation": "full", "seed": 0, "config": {}}
+    record = RunRecord(tmp_path / "run" / "record.json", facts)
+    return RunContext(tmp_path / "run", store, encoder, {}, record, "python train.py")
+
+
+def loader(run, split):
+    dataset = WindowDataset(run.store, split, Shifted.window, Shifted.needs)
+    return WindowLoader(dataset, 8, seed=0, shuffle=split == "train", drop_last=split == "train")
+
+
+def fit(run, method, callbacks, epochs=1):
+    trainer = Trainer(
+        max_epochs=epochs,
+        accelerator="cpu",
+        logger=False,
+        enable_checkpointing=any(isinstance(c, ModelCheckpoint) for c in callbacks),
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        callbacks=callbacks,
+        default_root_dir=str(run.folder),
+    )
+    trainer.fit(method, loader(run, "train"), loader(run, "val"))
+    return trainer
+
+
+def test_fgd_is_that_of_all_validation_windows(run):
+    trainer = fit(run, Shifted(), [EvaluateFGD(run)])
+    dataset = loader(run, "val").dataset
+    real = dataset.batch(range(len(dataset))).positions
+    generated = real.clone()
+    generated[:, :, 6, 1] += 0.05
+    features = [feature_moments(run.encoder.encode_positions(p)) for p in (real, generated)]
+    expected = frechet_distance(
+        *features[0].mean_and_covariance(), *features[1].mean_and_covariance()
+    )
+    logged = trainer.callback_metrics
+    assert logged["val/fgd"].item() == pytest.approx(expected.item(), rel=1e-4)
+    terms = logged["val/fgd_mean_term"] + logged["val/fgd_covariance_term"]
+    assert terms.item() == pytest.approx(logged["val/fgd"].item(), rel=1e-4)
+    # one of ten joints is 5 cm off on one of three axes
+    assert logged["val/joint_mae"].item() == pytest.approx(0.05 / 30, rel=1e-5)
+    assert logged["val/joint_mae"].item() == pytest.approx(joint_mae(generated, real).item())
+    assert logged["val/acceleration_error"].item() == pytest.approx(0, abs=1e-7)
+
+
+def test_the_record_has_a_row_per_epoch_as_it_ends(run):
+    fit(run, Shifted(), [EvaluateFGD(run), Throughput(run), WriteRunRecord(run)], epochs=3)
+    record = json.loads(run.record.path.read_text())
+    assert [row["epoch"] for row in record["epochs"]] == [0, 1, 2]
+    for row in record["epochs"]:
+        assert row["val/fgd"] > 0
+        assert row["train/windows_per_second"] > 0
+
+
+def test_an_epoch_run_again_replaces_its_row(run):
+    run.record.add_epoch(0, {"val/fgd": 3.0})
+    run.record.add_epoch(1, {"val/fgd": 2.0})
+    run.record.add_epoch(1, {"val/fgd": 1.0})
+    values = json.loads(run.record.path.read_text())["epochs"]
+    assert values == [{"epoch": 0, "val/fgd": 3.0}, {"epoch": 1, "val/fgd": 1.0}]
+
+
+def test_a_nan_loss_stops_the_run_and_names_the_windows(run):
+    with pytest.raises(CospeechError, match="train/loss became NaN.*epoch 0, batch 2"):
+        fit(run, Shifted(nan_at=2), [StopOnNaN(run)])
+    note = json.loads((run.folder / "nan_batch.json").read_text())
+    assert note["batch"] == 2
+    assert note["losses"] == {"train/loss": "nan"}
+    expected = list(loader(run, "train"))[2].window_ids.tolist()
+    assert [window["window"] for window in note["windows"]] == expected
+    first = note["windows"][0]
+    recording, start = loader(run, "train").dataset.windows[first["window"]]
+    assert first["recording"] == run.store.recordings[recording].id
+    assert first["start_s"] == pytest.approx(start / 15)
+
+
+def test_draws_depend_on_the_step_alone(run):
+    first, second = Shifted(), Shifted()
+    fit(run, first, [SeedEachStep(3)], epochs=2)
+    torch.manual_seed(99)
+    fit(run, second, [SeedEachStep(3)], epochs=2)
+    assert first.draws == second.draws
+    assert len(set(first.draws)) == len(first.draws)
+    other = Shifted()
+    fit(run, other, [SeedEachStep(4)], epochs=2)
+    assert not set(other.draws) & set(first.draws)
+
+
+def test_the_cost_names_steps_seconds_and_the_quick_variant(run, capsys):
+    fit(run, Shifted(), [CostEstimate(run, quick="model=x experiment=y")], epochs=2)
+    said = capsys.readouterr().out
+    assert "2 epochs x 6 steps = 12 steps" in said
+    assert "s per step: about" in said
+    assert "python train.py model=x experiment=y" in said
