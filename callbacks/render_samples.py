@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
+import numpy as np
 import torch
 from lightning import Callback, LightningModule, Trainer
 
@@ -13,6 +14,7 @@ from cospeech.corpus.store import EVALUATION_FPS
 from cospeech.errors import CospeechError
 from cospeech.experiment import RunContext
 from cospeech.methods.base import GestureMethod
+from cospeech.motion.phases import PHASES
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.video import write_mp4
 
@@ -99,8 +101,18 @@ class RenderSamples(Callback):
             name=stored.id,
             tracks={"recorded": store.upper_body_motion(span), "generated": generated},
             speech=speech,
+            phases=self._phases(span),
             facts={"recording": stored.id, "speaker": stored.speaker},
         )
+
+    def _phases(self, span: Span) -> dict[str, list[str]] | None:
+        """The recorded motion's annotated phase at each evaluation-rate frame."""
+        labels = self.run.store.phases(span.recording)
+        if labels is None:
+            return None
+        rate = self.run.store.recordings[span.recording].fps / EVALUATION_FPS
+        native = (np.arange(span.start, span.stop) * rate).astype(int)
+        return {"recorded": [PHASES[i] for i in labels[native.clip(max=len(labels) - 1)]]}
 
     def _note(self, path: Path) -> None:
         name = path.relative_to(self.run.folder).as_posix()
