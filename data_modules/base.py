@@ -129,7 +129,8 @@ class StoreDataModule(LightningDataModule):
         return self._store
 
     def _build(self, path: Path, parameters: dict[str, Any], fingerprint: str) -> None:
-        with StoreWriter(path, self.corpus_name, parameters, fingerprint, self.joint_map()) as writer:
+        name, joint_map = self.corpus_name, self.joint_map()
+        with StoreWriter(path, name, parameters, fingerprint, joint_map) as writer:
             total = self.recording_count()
             if self.max_recordings is not None and total is not None:
                 total = min(total, self.max_recordings)

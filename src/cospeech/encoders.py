@@ -1,4 +1,4 @@
-"""Which encoder judges a store: a given checkpoint, or one trained on the store when first needed."""
+"""Which encoder judges a store: a given checkpoint, or one trained on it when first needed."""
 
 from __future__ import annotations
 
@@ -15,8 +15,13 @@ from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowDataset, WindowLoader
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
-from cospeech.metrics.encoder import EVALUATION_FRAMES, GestureEncoder
-from cospeech.metrics.encoder import load_any, load_encoder, save_encoder
+from cospeech.metrics.encoder import (
+    EVALUATION_FRAMES,
+    GestureEncoder,
+    load_any,
+    load_encoder,
+    save_encoder,
+)
 
 BATCH_SIZE = 128
 """Windows per batch of the auto-encoder's training, as published (spec 2.4)."""

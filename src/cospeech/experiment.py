@@ -155,7 +155,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     )
 
     with _timed(record, "fit"):
-        # The encoder may have been trained just now; the run's random numbers must not depend on it.
+        # The encoder may have been trained just now; the run's draws must not depend on it.
         lightning.seed_everything(cfg.seed, verbose=False)
         trainer.fit(
             model, datamodule=cast(LightningDataModule, data), ckpt_path=_checkpoint(cfg, folder)

@@ -128,7 +128,7 @@ def test_an_epoch_run_again_replaces_its_row(run):
 
 
 def test_a_nan_loss_stops_the_run_and_names_the_windows(run):
-    with pytest.raises(CospeechError, match="train/loss became NaN.*epoch 0, batch 2"):
+    with pytest.raises(CospeechError, match=r"train/loss became NaN.*epoch 0, batch 2"):
         fit(run, Shifted(nan_at=2), [StopOnNaN(run)])
     note = json.loads((run.folder / "nan_batch.json").read_text())
     assert note["batch"] == 2

@@ -61,9 +61,13 @@ def test_audio_past_the_end_is_mirrored(tmp_path):
 
 
 def test_a_killed_build_leaves_no_store(tmp_path):
-    with pytest.raises(KeyboardInterrupt), StoreWriter(tmp_path / "s", "s", {}, "0") as writer:
-        writer.add(make_recording("take0"))
-        raise KeyboardInterrupt
+    def build_and_die():
+        with StoreWriter(tmp_path / "s", "s", {}, "0") as writer:
+            writer.add(make_recording("take0"))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_and_die()
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputFileError, match="not a store"):
         Store(tmp_path / "s")
@@ -90,7 +94,7 @@ def test_nan_motion_names_frame_and_joint(tmp_path):
     recording = make_recording("bad")
     recording.motion.positions[7, 6, 1] = np.nan
     with (
-        pytest.raises(CospeechError, match="bad.*frame 7, joint left_wrist"),
+        pytest.raises(CospeechError, match=r"bad.*frame 7, joint left_wrist"),
         StoreWriter(tmp_path / "s", "s", {}, "0") as writer,
     ):
         writer.add(recording)

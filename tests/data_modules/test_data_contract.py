@@ -23,10 +23,24 @@ COMMON = {
     "max_recordings": None,
 }
 
-JOINTS = (
-    "Hips Spine Spine1 Spine2 Neck Head LeftShoulder LeftArm LeftForeArm LeftHand"
-    " RightShoulder RightArm RightForeArm RightHand LeftUpLeg RightUpLeg"
-).split()
+JOINTS = [
+    "Hips",
+    "Spine",
+    "Spine1",
+    "Spine2",
+    "Neck",
+    "Head",
+    "LeftShoulder",
+    "LeftArm",
+    "LeftForeArm",
+    "LeftHand",
+    "RightShoulder",
+    "RightArm",
+    "RightForeArm",
+    "RightHand",
+    "LeftUpLeg",
+    "RightUpLeg",
+]
 PARENTS = (-1, 0, 1, 2, 3, 4, 3, 6, 7, 8, 3, 10, 11, 12, 0, 0)
 OFFSETS = np.array(
     [

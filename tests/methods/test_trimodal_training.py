@@ -95,7 +95,7 @@ def test_five_iterations_give_the_published_losses(trained, shared):
     for step, row in zip(trained.steps, published, strict=True):
         for (name, weight), value in zip(WEIGHTS.items(), row, strict=True):
             if not np.isnan(value):
-                assert weight * step[f"train/{name}"] == pytest.approx(value, rel=1e-3, abs=2e-6)
+                assert weight * step[f"train/{name}"] == pytest.approx(value, rel=1e-3, abs=0)
 
 
 def test_warm_up_logs_the_adversarial_loss_without_training_the_discriminator(trained, shared):

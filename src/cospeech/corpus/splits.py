@@ -65,7 +65,7 @@ def split_recordings(
         remaining[speaker] += 1
     result = ["train"] * len(speakers)
     order_of_choice = [int(i) for i in rng.permutation(len(speakers))]
-    # Speakers with recordings to spare give first; a lone recording is taken only when none is left.
+    # Speakers with recordings to spare give first; a lone recording is taken when none is left.
     order_of_choice.sort(key=lambda i: remaining[speakers[i]] < 2)
     for i in order_of_choice:
         if not wanted:

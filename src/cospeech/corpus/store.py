@@ -370,7 +370,7 @@ class Store:
         return self.read(recording, "upper_body", start, stop).reshape(-1, 10, 3)
 
     def audio(self, recording: int, start: int, count: int) -> NDArray[np.float32]:
-        """``(count,)`` float32 samples; past the recording's end the audio is mirrored (spec 3.6)."""
+        """``(count,)`` float32 samples; past the recording's end they are mirrored (spec 3.6)."""
         samples = self.read(recording, "audio", start, start + count)[:, 0]
         audio = samples.astype(np.float32) * np.float32(1 / 32767)
         missing = count - len(audio)

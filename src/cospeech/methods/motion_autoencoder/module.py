@@ -11,12 +11,12 @@ from torch import Tensor
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.metrics.encoder import PoseAutoencoder
 from cospeech.metrics.encoder import (
     EVALUATION_FPS,
     EVALUATION_FRAMES,
     EVALUATION_STRIDE,
     GestureEncoder,
+    PoseAutoencoder,
 )
 from cospeech.motion.codecs import DirectionVectorCodec
 
