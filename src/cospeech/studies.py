@@ -41,7 +41,7 @@ def fgd_noise(
             **result,
         },
     )
-    print(format_table(values))
+    print(format_table([{**row, "zeta": f"{row['zeta']:g}"} for row in values]))
     picture = folder / "fgd_noise.png"
     plot_noise_study(rows, picture)
     print(f"\n{len(positions)} {split} windows of {store.name}; figure: {picture}")

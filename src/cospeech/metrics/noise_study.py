@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -34,8 +33,6 @@ The paper's text names gaussian 0.001, salt-and-pepper 0.1, temporal 5, multipli
 mismatched 0.2 and 0.5; the levels around them, which only its figure shows, are ours. There are 16
 of them, as many as the paper's user study counts (14, and two mismatched ones left out).
 """
-
-_logger = logging.getLogger(__name__)
 
 
 class NoiseRow(NamedTuple):
@@ -105,7 +102,6 @@ def run_noise_study(
             error = joint_mae(disturbed, positions, seed_frames=0)
             numbers = (terms.total, terms.mean_term, terms.covariance_term, error)
             rows.append(NoiseRow(name, zeta, *(number.item() for number in numbers)))
-            _logger.info("%s", rows[-1])
     return rows
 
 
