@@ -66,9 +66,8 @@ class EvaluateFGD(Callback):
             **{name: metric.compute() for name, metric in self._metrics.items() if name != "fgd"},
         }
         for name, value in values.items():
-            pl_module.log(
-                f"{stage}/{name}", value.float(), prog_bar=name == "fgd", rank_zero_only=True
-            )
+            # Already synchronised: every process logs the same value.
+            pl_module.log(f"{stage}/{name}", value.float(), prog_bar=name == "fgd")
         self._metrics = {}
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:

@@ -3,6 +3,11 @@
 from pathlib import Path
 
 import pytest
+import torch
+
+# Tests run side by side on few cores: threads that wait for one another would cost more than they
+# bring, and sums must not depend on how they are split.
+torch.set_num_threads(1)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

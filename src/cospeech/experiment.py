@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import os
 import sys
 import time
 import warnings
@@ -104,6 +105,7 @@ def run(cfg: DictConfig) -> RunResult:
             "seed": cfg.seed,
             "config": resolved,
         },
+        writes=int(os.environ.get("LOCAL_RANK", 0)) == 0,
     )
     try:
         return _run(cfg, folder, record)
@@ -175,6 +177,9 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         assert encoder is not None
         with _timed(record, "test"):
             windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
+        if not trainer.is_global_zero:
+            return RunResult(folder, record.values, objective, model)
+        with _timed(record, "test_recordings"):
             recordings = evaluate_recordings(
                 model, store, "test", encoder, limit=_limit(cfg.trainer.get("limit_test_batches"))
             )

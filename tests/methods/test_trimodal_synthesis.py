@@ -374,7 +374,7 @@ def test_unit_length_keeps_the_bones():
 
 
 def test_text_context_ignores_word_timing():
-    model = method(context="text", mean_style=True)
+    model = method(context="text", word_timing="even", mean_style=True)
     early, late = batch([1, 2]), batch([1, 2])
     early.words[:], late.words[:] = 0, 0
     early.words[:, 2], early.words[:, 3] = 4, 5

@@ -155,16 +155,18 @@ class EpochOrder:
         self.epoch = epoch
 
     def __len__(self) -> int:
-        share = self.count // _world()[1] if self.shuffle else self.count
+        rank, world = _world()
+        share = self.count // world if self.shuffle else len(range(rank, self.count, world))
         return share // self.batch_size if self.drop_last else -(-share // self.batch_size)
 
     def __iter__(self) -> Iterator[NDArray[np.int64]]:
+        rank, world = _world()
         order = np.arange(self.count)
         if self.shuffle:
             order = np.random.default_rng([self.seed, self.epoch]).permutation(self.count)
-            rank, world = _world()
             # An equal share for every process, or the last step would wait for one for ever.
-            order = order[: self.count - self.count % world][rank::world]
+            order = order[: self.count - self.count % world]
+        order = order[rank::world]
         for batch in range(self.first_batch, len(self)):
             yield order[batch * self.batch_size : (batch + 1) * self.batch_size]
 

@@ -25,10 +25,12 @@ class RunRecord:
         path: The `record.json`; its content is taken over where the file exists, so that a resumed
             run goes on with the epochs it has.
         facts: ``id``, ``model``, ``data``, ``ablation``, ``seed`` and the resolved ``config``.
+        writes: False in all but the first process of a distributed run.
     """
 
-    def __init__(self, path: Path, facts: dict[str, Any]) -> None:
+    def __init__(self, path: Path, facts: dict[str, Any], writes: bool = True) -> None:
         self.path = path
+        self._writes = writes
         earlier = read_record(path) if path.is_file() else {}
         self.values: dict[str, Any] = {
             "schema": RECORD_SCHEMA,
@@ -73,7 +75,8 @@ class RunRecord:
 
     def write(self) -> None:
         """Write atomically: a reader sees the old file or the new one."""
-        write_json(self.path, self.values)
+        if self._writes:
+            write_json(self.path, self.values)
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -45,6 +45,7 @@ from cospeech.speech.word_vectors import load_word_vectors
 logger = logging.getLogger(__name__)
 
 WordEmbedding = Literal["fine_tune", "frozen", "scratch"]
+WordTiming = Literal["onset", "even"]
 
 
 class Trimodal(GestureMethod):
@@ -59,8 +60,9 @@ class Trimodal(GestureMethod):
 
     Args:
         corpus: Vocabulary, speakers and statistics of the training corpus.
-        context: Modalities that reach the generator. With ``"text"`` word timing is dropped and the
-            words of a window are spread evenly, as in the published ablation.
+        context: Modalities that reach the generator.
+        word_timing: ``"onset"`` puts a word on the frame where it begins; ``"even"`` drops the
+            timing and spreads a window's words evenly, as the published text-only code does.
         style: ``"speaker"`` learns a style space, ``"random"`` draws styles from N(0, I),
             ``"none"`` has no style input.
         style_size: Numbers per style vector (16 in the code, 8 in the paper).
@@ -99,6 +101,7 @@ class Trimodal(GestureMethod):
         self,
         corpus: CorpusFacts,
         context: Context = "both",
+        word_timing: WordTiming = "onset",
         style: Style = "speaker",
         style_size: int = 16,
         hidden_size: int = 300,
@@ -124,6 +127,7 @@ class Trimodal(GestureMethod):
     ) -> None:
         super().__init__()
         _check_choice("context", context, get_args(Context))
+        _check_choice("word_timing", word_timing, get_args(WordTiming))
         _check_choice("style", style, get_args(Style))
         _check_choice("word_embedding", word_embedding, get_args(WordEmbedding))
         if word_embedding == "scratch" and word_vectors is not None:
@@ -140,7 +144,9 @@ class Trimodal(GestureMethod):
         self.learning_rate = learning_rate
         self.discriminator_learning_rate = discriminator_learning_rate
         self.betas = betas
+        self.word_timing = word_timing
         self.options = SynthesisOptions(
+            word_timing=word_timing,
             mean_style=mean_style,
             fixed_style=fixed_style,
             unit_length=unit_length,
@@ -203,7 +209,7 @@ class Trimodal(GestureMethod):
             ),
         ]
 
-    def training_step(self, batch: GestureBatch, batch_idx: int) -> None:
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor]:
         """One discriminator and one generator update from one shared generator pass (spec 2.2)."""
         generator_optimizer, discriminator_optimizer = cast(
             list[LightningOptimizer], self.optimizers()
@@ -253,13 +259,9 @@ class Trimodal(GestureMethod):
         self.manual_backward(loss)
         generator_optimizer.step()
         logs["train/loss"] = loss
-        self.log_dict(
-            {name: value.detach() for name, value in logs.items()},
-            on_step=False,
-            on_epoch=True,
-            batch_size=len(batch),
-            sync_dist=True,
-        )
+        losses = {name: value.detach() for name, value in logs.items()}
+        self.log_dict(losses, on_step=False, on_epoch=True, batch_size=len(batch), sync_dist=True)
+        return losses
 
     def _diversity(
         self, poses: Tensor, seed_poses: Tensor, speech: Tensor, z: Tensor, speakers: Tensor
@@ -283,7 +285,7 @@ class Trimodal(GestureMethod):
 
     def _encode_speech(self, batch: GestureBatch) -> Tensor:
         words = batch.require("words")
-        if self.context == "text":
+        if self.word_timing == "even":
             words = spread_words(words)
         return self.generator.encode_speech(words, batch.require("audio"))
 

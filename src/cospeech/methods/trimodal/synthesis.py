@@ -34,9 +34,10 @@ CHUNKS_AT_ONCE = 32
 
 @dataclass(frozen=True)
 class SynthesisOptions:
-    """Published quirks of synthesis that can be turned off; False is as published.
+    """Settings of synthesis; False is as published.
 
     Attributes:
+        word_timing: ``"onset"`` or ``"even"``.
         mean_style: The mean style instead of a sample.
         fixed_style: One style sample per utterance instead of one per chunk.
         unit_length: Normalised direction vectors, so that bones keep their length.
@@ -44,6 +45,7 @@ class SynthesisOptions:
         fold_case: Transcripts normalised as the corpus was before words are looked up.
     """
 
+    word_timing: str
     mean_style: bool
     fixed_style: bool
     unit_length: bool
@@ -99,7 +101,7 @@ class Synthesiser:
             count,
             self.window,
             fold_case=self.options.fold_case,
-            timed=self.network.context != "text",
+            timed=self.options.word_timing == "onset",
         )
         waveform = torch.tensor(speech.waveform, dtype=torch.float32)
         chunks = decode_chunks(
