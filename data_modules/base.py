@@ -16,7 +16,8 @@ from lightning import LightningDataModule
 
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.splits import SPLITS, Span, split_recordings, time_blocks
-from cospeech.corpus.store import SCHEMA_VERSION, Store, StoreWriter
+from cospeech.corpus.store import SCHEMA_VERSION, Store
+from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.windows import WindowDataset, WindowLoader, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.joint_map import JointMap

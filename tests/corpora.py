@@ -4,7 +4,8 @@ import numpy as np
 
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.splits import SPLITS, Span
-from cospeech.corpus.store import Store, StoreWriter
+from cospeech.corpus.store import Store
+from cospeech.corpus.store_writer import StoreWriter
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word

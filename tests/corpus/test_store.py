@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import Store, StoreWriter
+from cospeech.corpus.store import Store
+from cospeech.corpus.store_writer import StoreWriter
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.speech.speech import Word
 from tests.corpora import REST_POSE, make_recording, make_store
