@@ -31,13 +31,21 @@ class EvaluateFGD(Callback):
 
     def __init__(self, run: RunContext) -> None:
         self.encoder = run.encoder
+        # One per stage, because the real windows are the same every epoch and their features kept.
+        self._distances: dict[str, FrechetGestureDistance] = {}
         self._metrics: dict[str, Any] = {}
+        self._real_is_known = False
 
-    def _start(self, pl_module: LightningModule) -> None:
+    def _start(self, pl_module: LightningModule, stage: str) -> None:
         if self.encoder is None:
             return
+        distance = self._distances.setdefault(
+            stage, FrechetGestureDistance(self.encoder, reset_real_features=False)
+        )
+        distance.reset()
+        self._real_is_known = distance.has_real_features
         self._metrics = {
-            "fgd": FrechetGestureDistance(self.encoder),
+            "fgd": distance,
             "joint_mae": JointMAE(),
             "acceleration_error": AccelerationError(),
             "feature_distance": FeatureDistance(self.encoder),
@@ -50,7 +58,8 @@ class EvaluateFGD(Callback):
             return
         generated: Tensor = outputs
         real = batch.require("positions")
-        self._metrics["fgd"].update(real, real=True)
+        if not self._real_is_known:
+            self._metrics["fgd"].update(real, real=True)
         self._metrics["fgd"].update(generated, real=False)
         for name in ("joint_mae", "acceleration_error", "feature_distance"):
             self._metrics[name].update(generated, real)
@@ -72,7 +81,7 @@ class EvaluateFGD(Callback):
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Empty metrics on the module's device."""
-        self._start(pl_module)
+        self._start(pl_module, "val")
 
     def on_validation_batch_end(
         self,
@@ -92,7 +101,7 @@ class EvaluateFGD(Callback):
 
     def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """As for validation."""
-        self._start(pl_module)
+        self._start(pl_module, "test")
 
     def on_test_batch_end(
         self,

@@ -16,6 +16,8 @@ from typing import Any, cast
 
 import lightning
 import torch
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from hydra.utils import instantiate
 from lightning import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
@@ -376,6 +378,7 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
     logging.getLogger("lightning.pytorch.utilities.rank_zero").setLevel(logging.WARNING)
     for message in (".*LeafSpec.*", ".*smaller than the logging interval.*", ".*many workers.*"):
         warnings.filterwarnings("ignore", message=message)
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     torch.set_float32_matmul_precision("high")
     try:
         return task(cfg)
@@ -383,7 +386,7 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         print(f"\n{error}", file=sys.stderr)
         sys.exit(130)
     except CospeechError as error:
-        if OmegaConf.select(cfg, "study") is not None:
+        if HydraConfig.get().mode == RunMode.MULTIRUN:
             raise
         print(f"\nerror: {error}", file=sys.stderr)
         sys.exit(1)

@@ -91,7 +91,7 @@ def fit(run, method, callbacks, epochs=1):
 
 
 def test_fgd_is_that_of_all_validation_windows(run):
-    trainer = fit(run, Shifted(), [EvaluateFGD(run)])
+    trainer = fit(run, Shifted(), [EvaluateFGD(run)], epochs=2)
     dataset = loader(run, "val").dataset
     real = dataset.batch(range(len(dataset))).positions
     generated = real.clone()
