@@ -41,7 +41,8 @@ class CostEstimate(Callback):
             parameters = sum(p.numel() for p in pl_module.parameters() if p.requires_grad)
             print(
                 f"training {type(pl_module).__name__}: {parameters / 1e6:.2f} M parameters,"
-                f" {left} epochs x {steps} steps = {left * steps:,} steps"
+                f" {left} epochs x {steps} steps = {left * steps:,} steps",
+                flush=True,
             )
 
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
@@ -65,7 +66,7 @@ class CostEstimate(Callback):
             seconds = (time.perf_counter() - self._started) / MEASURED_STEPS
             self._announce(trainer, seconds, batch_idx + 1)
             if self.quick and trainer.is_global_zero:
-                print(f"for a quick look instead: python train.py {self.quick}")
+                print(f"for a quick look instead: python train.py {self.quick}", flush=True)
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Correct the estimate where an epoch was much slower or faster."""
@@ -81,7 +82,10 @@ class CostEstimate(Callback):
             return
         left = (trainer.max_epochs - trainer.current_epoch) * int(trainer.num_training_batches)
         total = (left - done_in_epoch) * seconds
-        print(f"\nmeasured {seconds:.2f} s per step: about {_duration(total)} of training left")
+        print(
+            f"\nmeasured {seconds:.2f} s per step: about {_duration(total)} of training left",
+            flush=True,
+        )
 
 
 def _duration(seconds: float) -> str:

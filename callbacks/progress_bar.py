@@ -1,12 +1,20 @@
-"""The progress bar of training."""
+"""How a run shows its progress: a bar on a terminal, a line per epoch in a log file."""
 
 from __future__ import annotations
 
+import sys
+import time
+
 from lightning import LightningModule, Trainer
-from lightning.pytorch.callbacks import RichProgressBar
+from lightning.pytorch.callbacks import ProgressBar, RichProgressBar
 
 
-class ProgressBar(RichProgressBar):
+def progress() -> ProgressBar:
+    """What suits the output: `Bar` on a terminal, else `EpochLines`."""
+    return Bar() if sys.stdout.isatty() else EpochLines()
+
+
+class Bar(RichProgressBar):
     """Lightning's rich bar without the logger's version, which says nothing here."""
 
     def get_metrics(
@@ -16,3 +24,35 @@ class ProgressBar(RichProgressBar):
         metrics = super().get_metrics(trainer, pl_module)
         metrics.pop("v_num", None)
         return metrics
+
+
+class EpochLines(ProgressBar):
+    """One line per epoch: number, seconds, and the values chosen for the bar."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._started = 0.0
+        self._enabled = True
+
+    def disable(self) -> None:
+        """Lightning's way to silence all but the first process."""
+        self._enabled = False
+
+    def enable(self) -> None:
+        """Undo `disable`."""
+        self._enabled = True
+
+    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Start the epoch's clock."""
+        self._started = time.perf_counter()
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Print the line."""
+        if self._enabled:
+            seconds = time.perf_counter() - self._started
+            values = self.get_metrics(trainer, pl_module)
+            shown = "  ".join(
+                f"{name} {value:.4g}" for name, value in values.items() if isinstance(value, float)
+            )
+            last = "" if trainer.max_epochs is None else f"/{trainer.max_epochs - 1}"
+            print(f"epoch {trainer.current_epoch}{last}  {seconds:.0f} s  {shown}", flush=True)

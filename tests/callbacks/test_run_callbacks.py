@@ -9,6 +9,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 
 from callbacks.cost_estimate import CostEstimate
 from callbacks.evaluate_fgd import EvaluateFGD
+from callbacks.progress_bar import EpochLines
 from callbacks.run_record import WriteRunRecord
 from callbacks.step_seed import SeedEachStep
 from callbacks.stop_on_nan import StopOnNaN
@@ -80,7 +81,7 @@ def fit(run, method, callbacks, epochs=1):
         accelerator="cpu",
         logger=False,
         enable_checkpointing=any(isinstance(c, ModelCheckpoint) for c in callbacks),
-        enable_progress_bar=False,
+        enable_progress_bar=any(isinstance(c, EpochLines) for c in callbacks),
         enable_model_summary=False,
         num_sanity_val_steps=0,
         callbacks=callbacks,
@@ -151,6 +152,13 @@ def test_draws_depend_on_the_step_alone(run):
     other = Shifted()
     fit(run, other, [SeedEachStep(4)], epochs=2)
     assert not set(other.draws) & set(first.draws)
+
+
+def test_a_log_file_gets_a_line_per_epoch_with_the_fgd(run, capsys):
+    trainer = fit(run, Shifted(), [EvaluateFGD(run), EpochLines()], epochs=2)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in lines] == [["epoch", "0/1"], ["epoch", "1/1"]]
+    assert f"val/fgd {trainer.callback_metrics['val/fgd'].item():.4g}" in lines[-1]
 
 
 def test_the_cost_names_steps_seconds_and_the_quick_variant(run, capsys):
