@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
+from cospeech.motion.joint_map import find_joint_map
+from cospeech.motion.upper_body import to_upper_body
 from tests import command_line
 
 pytestmark = pytest.mark.slow
@@ -50,14 +53,12 @@ def test_a_minute_of_a_person_is_learnt_by_heart(corpus, shared, tmp_path):
 
 
 def test_every_real_bvh_is_read(shared):
-    from cospeech.motion.bvh import read_bvh
-    from cospeech.motion.upper_body import to_upper_body
-
     files = sorted((shared / "data" / "real").rglob("*.bvh"))
     files = [path for path in files if path.name != "genea_header.bvh"]
     assert len(files) >= 11
     for path in files:
-        upper = to_upper_body(read_bvh(path))
+        unit_scale = find_joint_map(read_bvh_skeleton(path)).unit_scale
+        upper = to_upper_body(read_bvh(path, unit_scale=unit_scale))
         assert np.isfinite(upper.positions).all(), path
         neck = upper.positions[:, 1, 1]
         assert 0.15 < np.median(neck) < 0.5, path  # metres, up

@@ -1,6 +1,8 @@
 """The real command on the embedded corpus: what a user types, and what is left afterwards."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -125,8 +127,8 @@ def test_a_study_is_one_multirun(outputs):
         *small,
         "study=trimodal_ablations",
         "training.epochs=1",
-        "seed=0,1",
-        "ablation=full,trimodal__no_audio",
+        "hydra.sweeper.params.seed='0,1'",
+        "hydra.sweeper.params.ablation='full,trimodal__no_audio'",
         timeout=600,
     )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -138,3 +140,10 @@ def test_a_study_is_one_multirun(outputs):
     assert rows == {
         (ablation, seed): "ok" for ablation in ("full", "trimodal__no_audio") for seed in (0, 1)
     }
+    report = subprocess.run(
+        [sys.executable, "-m", "cospeech.reporting", str(folder)], capture_output=True, text=True
+    )
+    assert report.returncode == 0, report.stderr
+    assert "trimodal__no_audio" in report.stdout
+    assert "±" in report.stdout
+    assert (folder / "report.html").stat().st_size > 10_000
