@@ -34,7 +34,8 @@ class CostEstimate(Callback):
         self._announced: float | None = None
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """The number of steps."""
+        """The number of steps. Starts a clock for an epoch entered in its middle, too."""
+        self._epoch_started = time.perf_counter()
         if trainer.is_global_zero and trainer.max_epochs is not None:
             steps = int(trainer.num_training_batches)
             left = trainer.max_epochs - trainer.current_epoch

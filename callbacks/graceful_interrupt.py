@@ -49,7 +49,8 @@ class GracefulInterrupt(Callback):
     ) -> None:
         """Save and stop, unless this was the epoch's last batch: then the epoch is ended first."""
         if self._asked and not trainer.is_last_batch:
-            trainer.save_checkpoint(self.run.folder / "checkpoints" / "last.ckpt")
+            path = self.run.folder / "checkpoints" / "last.ckpt"
+            trainer.save_checkpoint(path, weights_only=False)
             self._stop()
 
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:

@@ -42,6 +42,11 @@ class EpochLines(ProgressBar):
         """Undo `disable`."""
         self._enabled = True
 
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Start a clock for an epoch that is entered in its middle."""
+        super().on_train_start(trainer, pl_module)
+        self._started = time.perf_counter()
+
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Start the epoch's clock."""
         self._started = time.perf_counter()

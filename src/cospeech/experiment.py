@@ -162,7 +162,10 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         # The encoder may have been trained just now; the run's draws must not depend on it.
         lightning.seed_everything(cfg.seed, verbose=False)
         trainer.fit(
-            model, datamodule=cast(LightningDataModule, data), ckpt_path=_checkpoint(cfg, folder)
+            model,
+            datamodule=cast(LightningDataModule, data),
+            ckpt_path=_checkpoint(cfg, folder),
+            weights_only=True,
         )
     best = _best_checkpoint(trainer)
     objective = (
@@ -366,6 +369,14 @@ def run_folder(parent: str, prefix: str, checkpoint: str | None) -> str:
 OmegaConf.register_new_resolver("run_folder", run_folder, use_cache=True)
 
 
+_SAYS_NOTHING = (
+    ".*LeafSpec.*",
+    ".*smaller than the logging interval.*",
+    ".*exists and is not empty.*",
+)
+"""Warnings of our libraries that a user of ours can't act on."""
+
+
 # Command lines -------------------------------------------------------------------------------
 
 
@@ -376,7 +387,7 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
     """
     # Lightning's start-up lines (devices, an advertisement) would bury ours.
     logging.getLogger("lightning.pytorch.utilities.rank_zero").setLevel(logging.WARNING)
-    for message in (".*LeafSpec.*", ".*smaller than the logging interval.*", ".*many workers.*"):
+    for message in _SAYS_NOTHING:
         warnings.filterwarnings("ignore", message=message)
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     torch.set_float32_matmul_precision("high")

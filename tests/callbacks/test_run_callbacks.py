@@ -4,7 +4,7 @@ import json
 
 import pytest
 import torch
-from lightning import Trainer
+from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 
 from callbacks.cost_estimate import CostEstimate
@@ -159,6 +159,33 @@ def test_a_log_file_gets_a_line_per_epoch_with_the_fgd(run, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in lines] == [["epoch", "0/1"], ["epoch", "1/1"]]
     assert f"val/fgd {trainer.callback_metrics['val/fgd'].item():.4g}" in lines[-1]
+
+
+def test_an_epoch_entered_in_its_middle_has_a_sane_clock(run, tmp_path, capsys):
+    class Stop(Callback):
+        def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx):
+            if batch_idx == 2:
+                trainer.save_checkpoint(tmp_path / "middle.ckpt", weights_only=False)
+                raise RuntimeError("stopped")
+
+    with pytest.raises(RuntimeError, match="stopped"):
+        fit(run, Shifted(), [Stop()])
+    trainer = Trainer(
+        max_epochs=1,
+        accelerator="cpu",
+        logger=False,
+        enable_checkpointing=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        callbacks=[CostEstimate(run, quick=None), EpochLines()],
+        default_root_dir=str(run.folder),
+    )
+    path = tmp_path / "middle.ckpt"
+    trainer.fit(Shifted(), loader(run, "train"), loader(run, "val"), path, weights_only=True)
+    said = capsys.readouterr().out
+    (line,) = [line for line in said.splitlines() if line.startswith("epoch 0/0")]
+    assert float(line.split()[2]) < 60
+    assert " h of training left" not in said
 
 
 def test_the_cost_names_steps_seconds_and_the_quick_variant(run, capsys):

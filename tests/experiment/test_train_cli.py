@@ -144,6 +144,6 @@ def test_a_study_is_one_multirun(outputs):
         [sys.executable, "-m", "cospeech.reporting", str(folder)], capture_output=True, text=True
     )
     assert report.returncode == 0, report.stderr
-    assert "trimodal__no_audio" in report.stdout
+    assert "no_audio" in report.stdout
     assert "±" in report.stdout
     assert (folder / "report.html").stat().st_size > 10_000
