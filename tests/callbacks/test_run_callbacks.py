@@ -180,8 +180,13 @@ def test_an_epoch_entered_in_its_middle_has_a_sane_clock(run, tmp_path, capsys):
         callbacks=[CostEstimate(run, quick=None), EpochLines()],
         default_root_dir=str(run.folder),
     )
-    path = tmp_path / "middle.ckpt"
-    trainer.fit(Shifted(), loader(run, "train"), loader(run, "val"), path, weights_only=True)
+    trainer.fit(
+        Shifted(),
+        loader(run, "train"),
+        loader(run, "val"),
+        ckpt_path=tmp_path / "middle.ckpt",
+        weights_only=True,
+    )
     said = capsys.readouterr().out
     (line,) = [line for line in said.splitlines() if line.startswith("epoch 0/0")]
     assert float(line.split()[2]) < 60
