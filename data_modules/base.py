@@ -165,6 +165,11 @@ class StoreDataModule(LightningDataModule):
         """Serve the windows that a method works on."""
         self._window = (method.window, method.needs)
 
+    @property
+    def needs(self) -> frozenset[str]:
+        """Batch fields that the attached method reads."""
+        return frozenset() if self._window is None else self._window[1]
+
     def dataset(self, split: str) -> WindowDataset:
         """The fixed windows of one split for the attached method."""
         if self._window is None:

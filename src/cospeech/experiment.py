@@ -114,7 +114,7 @@ def run(cfg: DictConfig) -> RunResult:
     except RunInterrupted as error:
         record.finish("interrupted", str(error))
         raise
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit):  # Lightning turns the first into the second
         record.finish("interrupted", "stopped by Ctrl-C")
         raise RunInterrupted("stopped", f"continue with: {_resume_command()}") from None
     except BaseException as error:
@@ -134,6 +134,13 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     lightning.seed_everything(cfg.seed, verbose=False)
     model: LightningModule = instantiate(cfg.model, corpus=store.facts(), _convert_="all")
     data.attach(model)
+    without_words = sum(not recording.has_words for recording in store.recordings)
+    if "words" in data.needs and without_words:
+        logger.warning(
+            "%d of %d recordings have no transcript: they train from audio alone",
+            without_words,
+            len(store.recordings),
+        )
 
     encoder: GestureEncoder | None = None
     references: dict[str, References] = {}

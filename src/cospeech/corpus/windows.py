@@ -42,6 +42,8 @@ class WindowSpec:
 class WindowDataset:
     """The fixed list of windows of one split; a window never leaves its span.
 
+    A recording without a transcript has the padding word everywhere.
+
     Args:
         store: The corpus.
         split: ``"train"``, ``"val"`` or ``"test"``.
@@ -49,8 +51,7 @@ class WindowDataset:
         needs: `GestureBatch` fields to fill.
 
     Raises:
-        ConfigError: A field that doesn't exist, a frame rate the store doesn't hold, or words asked
-            of a corpus without transcripts.
+        ConfigError: A field that doesn't exist, or a frame rate the store doesn't hold.
         CospeechError: No span of the split is as long as a window.
     """
 
