@@ -30,20 +30,23 @@ $(VENV)/.demo: pyproject.toml constraints.txt | $(VENV)/.torch
 	$(PIP) -e '.[demo]'
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.torch
+comma := ,
+DEV := $(VENV)/.dev-$(subst $(comma),-,$(EXTRAS))
+
+$(DEV): pyproject.toml constraints.txt | $(VENV)/.torch
 	$(PIP) -e '.[$(EXTRAS)]'
 	@touch $@ $(VENV)/.demo
 
 demo: $(VENV)/.demo
 	$(BIN)/python train.py model=trimodal experiment=trimodal_quick
 
-test: $(VENV)/.dev
+test: $(DEV)
 	$(BIN)/python -m pytest -m "not slow" -n 2 -q
 
-slow: $(VENV)/.dev
+slow: $(DEV)
 	$(BIN)/python -m pytest -m slow -q
 
-lint: $(VENV)/.dev
+lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

@@ -8,6 +8,7 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from cospeech.corpus.batch import GestureBatch
+from cospeech.errors import CospeechError
 from cospeech.experiment import RunContext
 from cospeech.metrics.acceleration_error import AccelerationError
 from cospeech.metrics.feature_distance import FeatureDistance
@@ -57,6 +58,11 @@ class EvaluateFGD(Callback):
         if not self._metrics:
             return
         generated: Tensor = outputs
+        if not generated.isfinite().all():
+            raise CospeechError(
+                "the method generates NaN or infinite positions: its weights are damaged",
+                "look at the losses of the last epochs; the last checkpoint may still be good",
+            )
         real = batch.require("positions")
         if not self._real_is_known:
             self._metrics["fgd"].update(real, real=True)

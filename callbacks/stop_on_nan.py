@@ -59,6 +59,6 @@ class StopOnNaN(Callback):
         raise CospeechError(
             f"{', '.join(bad)} became NaN or infinite at epoch {trainer.current_epoch},"
             f" batch {batch_idx}",
-            f"the batch's windows are listed in {path}; look at those recordings, or lower the"
-            " learning rate and continue from the last checkpoint",
+            f"the batch's windows are listed in {path}: look at those recordings, or start a new"
+            " run with a lower model.learning_rate",
         )

@@ -8,17 +8,12 @@ from typing import Any
 from lightning import Callback, LightningModule, Trainer
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.experiment import RunContext
 
 
 class Throughput(Callback):
-    """Logs windows per second of each training epoch, validation and rendering left out.
+    """Logs windows per second of each epoch's training steps; reading and validation left out."""
 
-    Args:
-        run: The run's context.
-    """
-
-    def __init__(self, run: RunContext) -> None:
+    def __init__(self) -> None:
         self._started = 0.0
         self._windows = 0
         self._seconds = 0.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import logging
 from abc import abstractmethod
@@ -24,6 +23,9 @@ from cospeech.motion.joint_map import JointMap
 from cospeech.progress import progress_bar
 
 logger = logging.getLogger(__name__)
+
+SHORTEST_BLOCK = 44
+"""Evaluation-rate frames that hold two windows; judging takes at least two."""
 
 Reader = Callable[[], Recording]
 """Reads one recording; called when its turn comes."""
@@ -126,17 +128,25 @@ class StoreDataModule(LightningDataModule):
                         self._build(path, parameters, fingerprint)
                 finally:
                     lock.release()
-            self._store = Store(path)
+            self._store = self._checked(Store(path))
         return self._store
+
+    def _checked(self, store: Store) -> Store:
+        skipped = store.manifest["skipped"]
+        if self.strict and skipped:
+            first = skipped[0]
+            raise CospeechError(
+                f"{len(skipped)} recordings of {store.name} could not be used; the first is"
+                f" {first['id']}: {first['reason']}",
+                "data.strict=false goes on with the rest",
+            )
+        return store
 
     def _build(self, path: Path, parameters: dict[str, Any], fingerprint: str) -> None:
         name, joint_map = self.corpus_name, self.joint_map()
         with StoreWriter(path, name, parameters, fingerprint, joint_map) as writer:
-            total = self.recording_count()
-            if self.max_recordings is not None and total is not None:
-                total = min(total, self.max_recordings)
-            readers = itertools.islice(self.readers(), self.max_recordings)
-            bar = progress_bar(readers, total, f"preparing {self.corpus_name}")
+            title = f"preparing {self.corpus_name}"
+            bar = progress_bar(self.readers(), self.recording_count(), title)
             for recording_id, read in bar:
                 try:
                     writer.add(read())
@@ -144,12 +154,14 @@ class StoreDataModule(LightningDataModule):
                     if self.strict:
                         raise
                     writer.skip(recording_id, str(error))
+                if len(writer.recordings) == self.max_recordings:
+                    break
             writer.finish(self._spans(writer))
 
     def _spans(self, writer: StoreWriter) -> dict[str, list[Span]]:
         frames = writer.evaluation_frames()
         if self.split == "time_blocks":
-            return time_blocks(frames, self.val_share, self.test_share, minimum=34)
+            return time_blocks(frames, self.val_share, self.test_share, minimum=SHORTEST_BLOCK)
         speakers = [recording.speaker for recording in writer.recordings]
         names = split_recordings(
             speakers, self.val_share, self.test_share, self.split_seed, self.split

@@ -90,7 +90,8 @@ class MocapData(StoreDataModule):
             for path in (take.motion, take.audio, take.transcript)
             if path is not None
         ]
-        stats = [(str(path), path.stat()) for path in files]
+        # Names below the root: the same folder reached another way is the same corpus.
+        stats = [(path.relative_to(self.root).as_posix(), path.stat()) for path in files]
         return {
             "files": [[name, stat.st_size, stat.st_mtime_ns] for name, stat in stats],
             "speaker": self.speaker,

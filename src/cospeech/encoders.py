@@ -45,11 +45,13 @@ def encoder_for(store: Store, choice: str, epochs: int, seed: int) -> GestureEnc
     if choice != "trained":
         return load_any(choice, EVALUATION_FRAMES)
     path = _path(store, epochs, seed)
-    path.parent.mkdir(exist_ok=True)
-    with FileLock(str(path) + ".lock"):  # a second run that needs it waits instead of training too
-        if not path.is_file():
-            logger.info("training the FGD encoder on %s (once; kept in %s)", store.name, path)
-            save_encoder(_train(store, epochs, seed), path)
+    if not path.is_file():
+        path.parent.mkdir(exist_ok=True)
+        logger.info("training the FGD encoder on %s (once; kept in %s)", store.name, path)
+        # A second run that needs it waits here instead of training it too.
+        with FileLock(str(path) + ".lock"):
+            if not path.is_file():
+                save_encoder(_train(store, epochs, seed), path)
     return load_encoder(path)
 
 

@@ -41,7 +41,10 @@ def real_windows(store: Store, spans: list[Span]) -> tuple[Tensor, list[str]]:
         for _ in range(len(cut))
     ]
     if not ids:
-        raise CospeechError(f"{store.name}: no stretch is as long as an evaluation window (2.3 s)")
+        raise CospeechError(
+            f"{store.name}: no stretch of the split is as long as an evaluation window (2.3 s)",
+            "use longer recordings, or raise data.val_share and data.test_share",
+        )
     return torch.cat(windows), ids
 
 
@@ -54,7 +57,8 @@ def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int)
         split: ``"val"`` or ``"test"``.
         seed: Of the rows' noise and mismatch.
     """
-    path = store.path / "references" / f"{split}-{encoder.sha256[:12]}-s{seed}.json"
+    name = f"{split}-{encoder.sha256[:12]}-s{seed}-v{protocol.PROTOCOL_VERSION}.json"
+    path = store.path / "references" / name
     kept = _read_rows(path)
     if kept is not None:
         return kept
@@ -114,7 +118,14 @@ def evaluate_recordings(
             speaker=speaker if speaker in store.speaker_ids else None,
             generator=torch.Generator().manual_seed(number),
         )
-        generated.append(protocol.to_evaluation_windows(motion))
+        windows = protocol.to_evaluation_windows(motion)
+        expected = len(protocol.to_evaluation_windows(store.upper_body_motion(span)))
+        if len(windows) != expected:
+            raise CospeechError(
+                f"{type(method).__name__} made {motion.duration:.2f} s of motion for recording"
+                f" {store.recordings[span.recording].id}: {len(windows)} windows, not {expected}"
+            )
+        generated.append(windows)
     method.train(training)
     real, ids = real_windows(store, spans)
     return protocol.paired_row(encoder, torch.cat(generated), real, ids)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import functools
+import hashlib
+import json
 import logging
 import os
+import shlex
 import sys
 import time
 import warnings
@@ -16,7 +19,9 @@ from typing import Any, cast
 
 import lightning
 import torch
+from filelock import FileLock, Timeout
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import InstantiationException
 from hydra.types import RunMode
 from hydra.utils import instantiate
 from lightning import Callback, LightningDataModule, LightningModule, Trainer
@@ -25,12 +30,12 @@ from lightning.pytorch.loggers import Logger
 from omegaconf import DictConfig, OmegaConf
 
 from cospeech.corpus.store import Store
-from cospeech.encoders import encoder_for, keep_encoder
+from cospeech.encoders import BATCH_SIZE, encoder_for, keep_encoder
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.evaluation import References, evaluate_recordings, reference_rows
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
-from cospeech.metrics.encoder import GestureEncoder
+from cospeech.metrics.encoder import GestureEncoder, save_encoder
 from cospeech.reporting.record import RunRecord, read_record, write_json
 from cospeech.reporting.tables import result_table
 
@@ -91,11 +96,24 @@ def run(cfg: DictConfig) -> RunResult:
     """
     folder = Path(cfg.run_dir)
     record_path = folder / "record.json"
+    if OmegaConf.select(cfg, "study_task") is not None:
+        raise ConfigError("this study is of the metrics", "run it with evaluate.py")
     if cfg.ckpt_path == "last" and record_path.is_file():
         earlier = read_record(record_path)
-        if earlier.get("status") == "ok":
+        epochs = earlier.get("config", {}).get("training", {}).get("epochs")
+        if earlier.get("status") == "ok" and epochs == cfg.training.epochs:
             logger.info("%s had finished; nothing to do", folder)
             return RunResult(folder, earlier, earlier.get("objective"))
+    first_process = int(os.environ.get("LOCAL_RANK", 0)) == 0
+    lock = FileLock(str(folder / ".lock"))
+    if first_process:
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise ConfigError(
+                f"another process is at work in {folder}", "wait for it, or stop it first"
+            ) from None
     resolved = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
     record = RunRecord(
         record_path,
@@ -105,9 +123,10 @@ def run(cfg: DictConfig) -> RunResult:
             "data": cfg.choices.data,
             "ablation": cfg.choices.ablation,
             "seed": cfg.seed,
+            "identity": run_identity(cfg),
             "config": resolved,
         },
-        writes=int(os.environ.get("LOCAL_RANK", 0)) == 0,
+        writes=first_process,
     )
     try:
         return _run(cfg, folder, record)
@@ -120,24 +139,32 @@ def run(cfg: DictConfig) -> RunResult:
     except BaseException as error:
         record.finish("failed", f"{type(error).__name__}: {error}")
         raise
+    finally:
+        lock.release()
+        wandb = sys.modules.get("wandb")
+        if wandb is not None and wandb.run is not None:
+            wandb.finish()  # or the next job of a multirun would log into this one's run
 
 
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     lightning.seed_everything(cfg.seed, verbose=False)
-    data = cast(Any, instantiate(cfg.data, _convert_="all"))
+    data = _build(cfg.data)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
     logger.info("%s", store.describe())
+    _require_same(record.values["data_fingerprint"], store.fingerprint, "the corpus")
     record.update(data_fingerprint=store.fingerprint)
 
-    # Built before anything slow: a wrong key fails in seconds.
+    # Everything that can be wrong with the settings is found before anything slow begins.
     lightning.seed_everything(cfg.seed, verbose=False)
-    model: LightningModule = instantiate(cfg.model, corpus=store.facts(), _convert_="all")
+    model: LightningModule = _build(cfg.model, corpus=store.facts())
     data.attach(model)
+    for windows in (data.train_dataloader, data.val_dataloader, data.test_dataloader):
+        windows()
     without_words = sum(not recording.has_words for recording in store.recordings)
     if "words" in data.needs and without_words:
         logger.warning(
-            "%d of %d recordings have no transcript: they train from audio alone",
+            "%d of %d recordings have no transcript: their words are padding",
             without_words,
             len(store.recordings),
         )
@@ -151,6 +178,8 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
                 references[split] = reference_rows(
                     store, encoder, split, cfg.metrics.reference_seed
                 )
+        known = (record.values["encoder"] or {}).get("sha256")
+        _require_same(known, encoder.sha256, "the encoder of the evaluation")
         record.update(encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)})
 
     context = RunContext(folder, store, encoder, references, record, _resume_command())
@@ -183,8 +212,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     if best is not None and best.best_model_path:
         _load_weights(model, Path(best.best_model_path))
     if isinstance(model, MotionAutoencoder):
-        path = keep_encoder(store, model.encoder(), cfg.training.epochs, cfg.seed)
-        logger.info("encoder kept in %s", path)
+        _keep_encoder(cfg, folder, store, model)
     if cfg.test and isinstance(model, GestureMethod):
         assert encoder is not None
         with _timed(record, "test"):
@@ -220,7 +248,7 @@ def prepare(cfg: DictConfig) -> Store:
     Args:
         cfg: Composed from ``conf/prepare.yaml``.
     """
-    data = cast(Any, instantiate(cfg.data, _convert_="all"))
+    data = _build(cfg.data)
     store: Store = data.prepare_store()
     print(store.describe())
     for skipped in store.manifest["skipped"]:
@@ -245,12 +273,11 @@ def evaluate(cfg: DictConfig) -> Any:
             "python evaluate.py run=outputs/runs/ID, or python evaluate.py study=fgd_noise",
         )
     if cfg.run is None:
-        data = cast(Any, instantiate(cfg.data, _convert_="all"))
+        data = _build(cfg.data)
         store = data.prepare_store()
         encoder = _encoder(store, cfg.metrics)
-        return instantiate(
-            cfg.study_task, store=store, encoder=encoder, split=cfg.split, folder=folder
-        )
+        study = _build(cfg.study_task)
+        return study(store=store, encoder=encoder, split=cfg.split, folder=folder)
     values = read_record(Path(cfg.run) / "record.json")
     checkpoint = Path(cfg.run) / "checkpoints" / "best.ckpt"
     if not values or not checkpoint.is_file():
@@ -258,19 +285,21 @@ def evaluate(cfg: DictConfig) -> Any:
             f"run={cfg.run}: no record.json with checkpoints/best.ckpt there",
             "give the folder of a finished run, e.g. outputs/runs/ID",
         )
-    data = cast(Any, instantiate(values["config"]["data"], _convert_="all"))
-    store = data.prepare_store()
-    model: GestureMethod = instantiate(
-        values["config"]["model"], corpus=store.facts(), _convert_="all"
-    )
+    store = _build(values["config"]["data"]).prepare_store()
+    _require_same(values["data_fingerprint"], store.fingerprint, "the corpus")
+    model = _build(values["config"]["model"], corpus=store.facts())
+    if not isinstance(model, GestureMethod):
+        raise ConfigError(f"run={cfg.run}: a {values['model']} makes no motion to judge")
     _load_weights(model, checkpoint)
-    encoder = _encoder(store, cfg.metrics)
-    values["encoder"] = {"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)}
+    given = any(item.startswith("metrics") for item in HydraConfig.get().overrides.task)
+    metrics = cfg.metrics if given else OmegaConf.create(values["config"]["metrics"])
+    encoder = _encoder(store, metrics)
+    values["encoder"] = {"sha256": encoder.sha256, "name": str(metrics.encoder)}
     values["final"] = {
         "split": cfg.split,
         "recordings": evaluate_recordings(model, store, cfg.split, encoder),
     }
-    values["references"] = reference_rows(store, encoder, cfg.split, cfg.metrics.reference_seed)
+    values["references"] = reference_rows(store, encoder, cfg.split, metrics.reference_seed)
     print(result_table(values))
     write_json(folder / "evaluation.json", {k: values[k] for k in _EVALUATION_KEYS})
     return values["final"]
@@ -281,6 +310,40 @@ _EVALUATION_KEYS = ("id", "model", "data", "ablation", "seed", "encoder", "final
 
 def _encoder(store: Store, metrics: DictConfig) -> GestureEncoder:
     return encoder_for(store, metrics.encoder, metrics.encoder_epochs, metrics.encoder_seed)
+
+
+def _build(node: Any, **arguments: Any) -> Any:
+    """Hydra's `instantiate`, but a `CospeechError` of the constructor comes out as it is."""
+    try:
+        return instantiate(node, _convert_="all", **arguments)
+    except InstantiationException as error:
+        if isinstance(error.__cause__, CospeechError):
+            raise error.__cause__ from None
+        raise
+
+
+def _require_same(known: str | None, now: str, what: str) -> None:
+    """A resumed or re-evaluated run must meet what it was trained and judged on."""
+    if known is not None and known != now:
+        raise ConfigError(
+            f"{what} has changed since this run was made ({known[:10]} -> {now[:10]}), so its"
+            " numbers would not belong together",
+            "put the old files back, or start a new run",
+        )
+
+
+def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: MotionAutoencoder) -> None:
+    """The explicitly trained encoder, beside the run and, if made as by default, in the store."""
+    path = folder / "encoder.pt"
+    save_encoder(model.encoder(str(folder.name)), path)
+    as_by_default = (
+        cfg.training.batch_size == BATCH_SIZE
+        and model.learning_rate == MotionAutoencoder(store.facts()).learning_rate
+        and not any(str(key).startswith("limit_") for key in cfg.trainer)
+    )
+    if as_by_default:
+        path = keep_encoder(store, model.encoder(), cfg.training.epochs, cfg.seed)
+    logger.info("encoder kept in %s; judge with it: metrics.encoder=%s", path, path)
 
 
 def _load_weights(model: LightningModule, path: Path) -> None:
@@ -338,42 +401,61 @@ class _timed:
 
 def _resume_command() -> str:
     arguments = [a for a in sys.argv[1:] if not a.startswith("ckpt_path=")]
-    return " ".join(["python", Path(sys.argv[0]).name, *arguments, "ckpt_path=last"])
+    hydra = HydraConfig.get()
+    if hydra.mode == RunMode.MULTIRUN and not any(a.startswith("study") for a in arguments):
+        arguments.append(f"study_name={Path(hydra.sweep.dir).name}")
+    return shlex.join([Path(sys.executable).name, sys.argv[0], *arguments, "ckpt_path=last"])
 
 
 # Run folders ---------------------------------------------------------------------------------
 
 
-def run_folder(parent: str, prefix: str, checkpoint: str | None) -> str:
-    """The run's folder: a new one, or with ``ckpt_path=last`` the newest that matches.
+def run_identity(cfg: DictConfig) -> str:
+    """Hash of the settings that decide what a run computes; equal ones can go on with each other.
 
-    A multirun sweeps inside its own folder, so there the name alone is returned.
+    The number of epochs is left out, so that a run can be made longer.
+    """
+    parts = {key: cfg.get(key) for key in ("model", "data", "training", "metrics", "seed")}
+    values = OmegaConf.to_container(OmegaConf.create({**parts}), resolve=False)
+    assert isinstance(values, dict)
+    values["training"] = {
+        key: value for key, value in (values["training"] or {}).items() if key != "epochs"
+    }
+    text = json.dumps(values, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def run_folder(
+    mode: str, parent: str, prefix: str, checkpoint: str | None, *, _root_: DictConfig
+) -> str:
+    """The run's folder: a new one, or with ``ckpt_path=last`` the newest with the same settings.
 
     Args:
+        mode: ``"run"`` for a path, ``"sweep"`` for the name alone (a sweep joins it itself).
         parent: Folder that holds the runs.
         prefix: ``<model>-<data>-<ablation>-s<seed>``.
         checkpoint: The config's ``ckpt_path``.
     """
     folder = Path(parent)
-    in_sweep = folder.parent.name == "studies"
     if checkpoint == "last":
-        found = sorted(
+        identity = run_identity(_root_)
+        found = [
             path.parent
-            for path in folder.glob(f"{prefix}-*/record.json")
-            if path.parent.name.removeprefix(prefix + "-").replace("-", "").isdigit()
-        )
+            for path in sorted(folder.glob(f"{prefix}-*/record.json"))
+            if read_record(path).get("identity") == identity
+        ]
         if found:
-            return found[-1].name if in_sweep else str(found[-1])
-        if not in_sweep:
+            return found[-1].name if mode == "sweep" else str(found[-1])
+        if mode == "run":
             raise ConfigError(
-                f"ckpt_path=last: no run {prefix}-* in {folder}",
+                f"ckpt_path=last: no run {prefix}-* with these settings in {folder}",
                 "start it without ckpt_path, or give the checkpoint's file",
             )
     name = f"{prefix}-{datetime.now():%Y%m%d-%H%M%S-%f}"
-    return name if in_sweep else str(folder / name)
+    return name if mode == "sweep" else str(folder / name)
 
 
-OmegaConf.register_new_resolver("run_folder", run_folder, use_cache=True)
+OmegaConf.register_new_resolver("run_folder", run_folder, use_cache=False)
 
 
 _SAYS_NOTHING = (

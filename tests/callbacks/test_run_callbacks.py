@@ -112,7 +112,7 @@ def test_fgd_is_that_of_all_validation_windows(run):
 
 
 def test_the_record_has_a_row_per_epoch_as_it_ends(run):
-    fit(run, Shifted(), [EvaluateFGD(run), Throughput(run), WriteRunRecord(run)], epochs=3)
+    fit(run, Shifted(), [EvaluateFGD(run), Throughput(), WriteRunRecord(run)], epochs=3)
     record = json.loads(run.record.path.read_text())
     assert [row["epoch"] for row in record["epochs"]] == [0, 1, 2]
     for row in record["epochs"]:

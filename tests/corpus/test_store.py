@@ -131,3 +131,11 @@ def test_unknown_speakers_have_id_zero(tmp_path):
     store = make_store(tmp_path, recordings)  # the last two are validation and test
     assert store.speaker_id(0) == 1
     assert store.speaker_id(3) == 0
+
+
+def test_a_spans_speech_asks_for_no_more_frames_than_it_has(tmp_path):
+    """43 frames last 45,866.7 samples; one more sample would be covered by a 44th frame."""
+    store = make_store(tmp_path)
+    for frames in range(34, 150):
+        speech = store.speech(Span(0, 0, frames))
+        assert int(np.ceil(len(speech.waveform) / 16_000 * 15)) == frames

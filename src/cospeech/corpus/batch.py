@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -43,15 +42,8 @@ class GestureBatch:
 
     def to(self, device: torch.device | str, non_blocking: bool = False) -> GestureBatch:
         """The same batch on another device."""
-        return self._apply(lambda value: value.to(device, non_blocking=non_blocking))
-
-    def pin_memory(self) -> GestureBatch:
-        """The same batch in pinned memory."""
-        return self._apply(lambda value: value.pin_memory())
-
-    def _apply(self, function: Any) -> GestureBatch:
         moved = {
-            field.name: function(value)
+            field.name: value.to(device, non_blocking=non_blocking)
             for field in fields(self)
             if (value := getattr(self, field.name)) is not None
         }

@@ -168,7 +168,8 @@ class Store:
         offset = span.start / EVALUATION_FPS
         duration = (span.stop - span.start) / EVALUATION_FPS
         first = round(offset * SAMPLE_RATE)
-        audio = self.audio(span.recording, first, round(duration * SAMPLE_RATE))
+        # Rounded down: a sample too many would be a frame too many of motion that covers the audio.
+        audio = self.audio(span.recording, first, int(duration * SAMPLE_RATE + 1e-6))
         if not self.recordings[span.recording].has_words:
             return Speech(audio, None)
         rows = self.words(span.recording)

@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 
 class StoreWriter:
-    """Builds a store; use as a context manager, then `finish`.
+    """Builds a store; use as a context manager, then `finish`. One at a time for a path.
 
     Args:
         path: Final folder.
@@ -70,7 +70,9 @@ class StoreWriter:
         self.skipped: list[dict[str, str]] = []
 
     def __enter__(self) -> StoreWriter:
-        shutil.rmtree(self._building, ignore_errors=True)
+        # What killed builds left; a build that is alive is kept out by the caller's lock.
+        for stale in self.path.parent.glob(f".{self.path.name}.building-*"):
+            shutil.rmtree(stale, ignore_errors=True)
         self._building.mkdir(parents=True)
         for stream in STREAMS:
             self._files[stream] = (self._building / f"{stream}.bin").open("wb")

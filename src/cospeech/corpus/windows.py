@@ -87,10 +87,6 @@ class WindowDataset:
             "start_s": float(start / self.spec.fps),
         }
 
-    def recording_ids(self) -> NDArray[np.int64]:
-        """Recording index of every window."""
-        return self.windows[:, 0]
-
     def batch(self, indices: Sequence[int] | NDArray[np.int64]) -> GestureBatch:
         """The windows at ``indices`` as one batch."""
         chosen = self.windows[np.asarray(indices)]

@@ -32,6 +32,8 @@ from cospeech.metrics.uncertainty import fgd_interval
 from cospeech.motion.motion import Motion, resample_positions
 from cospeech.motion.upper_body import UPPER_BODY
 
+PROTOCOL_VERSION = 1
+"""Counted up when a row's meaning changes, so that kept rows of an older meaning are not shown."""
 NOISE_VARIANCE = 0.001
 """Variance of the noise row, in the units and of the kind of the paper's figure 3 b."""
 ATTENUATION = 0.8
