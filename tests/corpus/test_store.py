@@ -139,3 +139,11 @@ def test_a_spans_speech_asks_for_no_more_frames_than_it_has(tmp_path):
     for frames in range(34, 150):
         speech = store.speech(Span(0, 0, frames))
         assert int(np.ceil(len(speech.waveform) / 16_000 * 15)) == frames
+
+
+def test_what_a_killed_build_left_is_cleared_by_the_next(tmp_path):
+    left = tmp_path / ".made.building-999999"
+    left.mkdir()
+    (left / "audio.bin").write_bytes(b"x" * 1000)
+    make_store(tmp_path)
+    assert not left.exists()

@@ -180,6 +180,8 @@ def test_a_bad_recording_is_skipped_with_its_reason(tmp_path, bvh_folder):
     with pytest.raises(CospeechError, match="7669"):
         mocap(tmp_path / "strict", tmp_path, strict=True).prepare_store()
     assert not list((tmp_path / "strict").glob("mocap*"))
+    with pytest.raises(CospeechError, match="c_9"):  # the store that skipped it is there already
+        mocap(tmp_path / "stores", tmp_path, strict=True).prepare_store()
 
 
 def test_the_synthetic_truth_is_kept(tmp_path):
@@ -198,3 +200,12 @@ def test_held_out_speakers_never_train(tmp_path):
         for span in store.splits[split]:
             assert store.recordings[span.recording].speaker not in training
             assert store.speaker_id(span.recording) == 0
+
+
+def test_debug_runs_count_recordings_that_can_be_used(tmp_path, bvh_folder):
+    for path in bvh_folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "a_.bvh").write_text("HIERARCHY")
+    (tmp_path / "a_.wav").write_bytes((tmp_path / "a_0.wav").read_bytes())
+    store = mocap(tmp_path / "stores", tmp_path, max_recordings=2).prepare_store()
+    assert [recording.id for recording in store.recordings] == ["a_0", "a_2"]

@@ -74,9 +74,7 @@ def test_the_table_and_the_page_are_shown_at_the_end(finished):
 
 def test_a_finished_run_is_judged_again_to_the_same_numbers(finished, outputs):
     _, folder, record = finished
-    done = command_line.run(
-        outputs, f"run={folder}", "metrics.encoder_epochs=1", script="evaluate.py"
-    )
+    done = command_line.run(outputs, f"run={folder}", script="evaluate.py")
     assert done.returncode == 0, done.stdout + done.stderr
     (path,) = outputs.glob("evaluations/*/evaluation.json")
     values = json.loads(path.read_text())
@@ -90,6 +88,16 @@ def test_an_unknown_key_is_an_error_that_names_it(outputs):
     done = command_line.run(outputs, "model=trimodal", "model.hiden_size=3")
     assert done.returncode != 0
     assert "hiden_size" in done.stderr
+
+
+def test_an_impossible_setting_is_a_plain_sentence(outputs):
+    done = command_line.run(outputs, *SMALL, "model.context=video")
+    assert done.returncode == 1
+    assert "context='video' is not one of both, audio, text" in done.stderr
+    assert "Traceback" not in done.stderr
+    folder, record = list(command_line.records(outputs).items())[-1]
+    assert record["status"] == "failed"
+    assert "context='video'" in record["error"]
 
 
 def test_asking_to_resume_nothing_is_a_clear_error(tmp_path):
@@ -144,6 +152,6 @@ def test_a_study_is_one_multirun(outputs):
         [sys.executable, "-m", "cospeech.reporting", str(folder)], capture_output=True, text=True
     )
     assert report.returncode == 0, report.stderr
-    assert "no_audio" in report.stdout
+    assert "trimodal, no audio" in report.stdout
     assert "±" in report.stdout
     assert (folder / "report.html").stat().st_size > 10_000
