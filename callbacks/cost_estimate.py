@@ -22,7 +22,7 @@ class CostEstimate(Callback):
 
     Args:
         run: The run's context.
-        quick: Command-line arguments of the model's quick variant, or None.
+        quick: What to add to the command line for the model's quick variant, or None.
     """
 
     def __init__(self, run: RunContext, quick: str | None) -> None:
@@ -67,7 +67,7 @@ class CostEstimate(Callback):
             seconds = (time.perf_counter() - self._started) / MEASURED_STEPS
             self._announce(trainer, seconds, batch_idx + 1)
             if self.quick and trainer.is_global_zero:
-                print(f"for a quick look instead: python train.py {self.quick}", flush=True)
+                print(f"for a quick look add {self.quick}", flush=True)
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Correct the estimate where an epoch was much slower or faster."""

@@ -48,19 +48,19 @@ class GracefulInterrupt(Callback):
         batch_idx: int,
     ) -> None:
         """Save and stop, unless this was the epoch's last batch: then the epoch is ended first."""
-        if self._asked and not trainer.is_last_batch:
+        if self._agreed(trainer) and not trainer.is_last_batch:
             path = self.run.folder / "checkpoints" / "last.ckpt"
             trainer.save_checkpoint(path, weights_only=False)
             self._stop()
 
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Stop between epochs, after the checkpoint of the one that ended."""
-        if self._asked:
+        if self._agreed(trainer):
             self._stop()
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Stop before the final evaluation if asked during the last epoch."""
-        if self._asked:
+        if self._agreed(trainer):
             self._stop()
 
     def teardown(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
@@ -74,6 +74,10 @@ class GracefulInterrupt(Callback):
     ) -> None:
         """Give the signals back."""
         self.teardown(trainer, pl_module, "fit")
+
+    def _agreed(self, trainer: Trainer) -> bool:
+        """Whether any process was asked: the signal may reach them in different steps."""
+        return trainer.strategy.reduce_boolean_decision(self._asked, all=False)
 
     def _stop(self) -> None:
         raise RunInterrupted(

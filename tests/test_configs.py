@@ -89,7 +89,7 @@ def test_every_quick_variant_composes():
     for model in names("model"):
         quick = composed(f"model={model}").training.quick
         if quick is not None:
-            composed(*quick.split())
+            composed(f"model={model}", *quick.split())
 
 
 def test_the_other_command_lines_compose():

@@ -211,7 +211,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
 
     if best is not None and best.best_model_path:
         _load_weights(model, Path(best.best_model_path))
-    if isinstance(model, MotionAutoencoder):
+    if isinstance(model, MotionAutoencoder) and trainer.is_global_zero:
         _keep_encoder(cfg, folder, store, model)
     if cfg.test and isinstance(model, GestureMethod):
         assert encoder is not None

@@ -82,6 +82,30 @@ def test_killed_and_resumed_across_the_warm_up_ends_bit_equal(outputs, straight)
     assert [row["epoch"] for row in record["epochs"]] == [0, 1, 2, 3]
 
 
+def test_killed_in_the_middle_of_an_epoch_goes_on_from_the_last_timed_checkpoint(outputs, straight):
+    often = (
+        "callbacks.last_timed.train_time_interval._target_=datetime.timedelta",
+        "~callbacks.last_timed.train_time_interval.minutes",
+        "+callbacks.last_timed.train_time_interval.milliseconds=1",
+    )
+    process = command_line.start(outputs, *RUN, *often)
+    try:
+        folder = wait_for_epochs(outputs, straight, 1)
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:  # until a checkpoint from inside an epoch is there
+            loops = weights(folder)["loops"]["fit_loop"]
+            if 0 < loops["epoch_loop.batch_progress"]["current"]["ready"] < 6:
+                break
+    finally:
+        process.kill()
+        process.communicate()
+    progress = weights(folder)["loops"]["fit_loop"]["epoch_loop.batch_progress"]["current"]
+    done = command_line.run(outputs, *RUN, *often, "ckpt_path=last")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert progress["ready"] > 0
+    assert_same_end(folder, straight)
+
+
 def test_ctrl_c_saves_says_how_to_go_on_and_ends_bit_equal(outputs, straight):
     process = command_line.start(outputs, *RUN)
     try:

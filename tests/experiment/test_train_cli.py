@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from cospeech.metrics.encoder import load_encoder
 from tests import command_line
 from tests.command_line import SMALL
 
@@ -63,7 +64,7 @@ def test_the_cost_is_said_at_the_start(finished):
     done, _, _ = finished
     assert "2 epochs x" in done.stdout
     assert "s per step" in done.stdout
-    assert "model=trimodal experiment=trimodal_quick" in done.stdout
+    assert "add experiment=trimodal_quick" in done.stdout
 
 
 def test_the_table_and_the_page_are_shown_at_the_end(finished):
@@ -95,7 +96,7 @@ def test_an_impossible_setting_is_a_plain_sentence(outputs):
     assert done.returncode == 1
     assert "context='video' is not one of both, audio, text" in done.stderr
     assert "Traceback" not in done.stderr
-    folder, record = list(command_line.records(outputs).items())[-1]
+    record = list(command_line.records(outputs).values())[-1]
     assert record["status"] == "failed"
     assert "context='video'" in record["error"]
 
@@ -116,16 +117,21 @@ def test_the_debug_run_goes_through_every_stage(tmp_path):
 
 
 def test_the_auto_encoder_trains_explicitly_and_becomes_the_stores_own(outputs):
+    settings = ("model=motion_autoencoder", "data.minutes=4", "data.speakers=2")
+    done = command_line.run(outputs, *settings, "metrics.encoder_epochs=2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    (kept,) = outputs.glob("stores/*/encoders/autoencoder-e2-s0.pt")
+    own = list(command_line.records(outputs))[-1] / "encoder.pt"
+    assert load_encoder(kept).sha256 == load_encoder(own).sha256
+    # Trained otherwise than by default it stays with its run: the store's FGD scale is unchanged.
+    before = kept.read_bytes()
     done = command_line.run(
-        outputs,
-        "model=motion_autoencoder",
-        "data.minutes=4",
-        "data.speakers=2",
-        "metrics.encoder_epochs=2",
-        "training.batch_size=16",
+        outputs, *settings, "metrics.encoder_epochs=2", "training.batch_size=16"
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert list(outputs.glob("stores/*/encoders/autoencoder-e2-s0.pt"))
+    other = list(command_line.records(outputs))[-1] / "encoder.pt"
+    assert load_encoder(other).sha256 != load_encoder(own).sha256
+    assert kept.read_bytes() == before
 
 
 def test_a_study_is_one_multirun(outputs):
