@@ -42,7 +42,10 @@ def test_every_model_composes_with_every_corpus(model, data):
     ],
 )
 def test_every_choice_of_the_other_groups_composes(group, name):
-    composed("model=trimodal", f"{group}={name}")
+    cfg = composed("model=trimodal", f"{group}={name}")
+    written = OmegaConf.load(CONF / group / f"{name}.yaml")
+    keys = set(written) - {"defaults"}
+    assert keys <= set(cfg if group == "debug" else cfg[group])
 
 
 @pytest.mark.parametrize("name", names("experiment"))
@@ -89,7 +92,8 @@ def test_every_quick_variant_composes():
     for model in names("model"):
         quick = composed(f"model={model}").training.quick
         if quick is not None:
-            composed(f"model={model}", *quick.split())
+            small = composed(f"model={model}", *quick.split())
+            assert small.training.epochs < composed(f"model={model}").training.epochs
 
 
 def test_the_other_command_lines_compose():

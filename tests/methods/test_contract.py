@@ -146,7 +146,15 @@ def test_testing_a_checkpoint_through_the_trainer_loads_safely(method, store, tm
     trainer = fit(method, store, tmp_path)
     path = tmp_path / "model.ckpt"
     trainer.save_checkpoint(path)
-    trainer.test(method, loader(method, store, "test"), ckpt_path=path, verbose=False)
+    trained = {key: value.clone() for key, value in method.state_dict().items()}
+    with torch.no_grad():
+        for parameter in method.parameters():
+            parameter.zero_()
+    trainer.test(
+        method, loader(method, store, "test"), ckpt_path=path, verbose=False, weights_only=True
+    )
+    for key, value in method.state_dict().items():
+        assert torch.equal(value, trained[key]), key
 
 
 def test_generation_does_not_disturb_training(method, store):

@@ -1,0 +1,48 @@
+"""What training and judging share: objects from config, and checks that they belong together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+from lightning import LightningModule
+from omegaconf import DictConfig
+
+from cospeech.corpus.store import Store
+from cospeech.encoders import encoder_for
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.metrics.encoder import GestureEncoder
+
+
+def build(node: Any, **arguments: Any) -> Any:
+    """Hydra's `instantiate`, but a `CospeechError` of the constructor comes out as it is."""
+    try:
+        return instantiate(node, _convert_="all", **arguments)
+    except InstantiationException as error:
+        if isinstance(error.__cause__, CospeechError):
+            raise error.__cause__ from None
+        raise
+
+
+def chosen_encoder(store: Store, metrics: DictConfig) -> GestureEncoder:
+    """The encoder that the settings ask for."""
+    return encoder_for(store, metrics.encoder, metrics.encoder_epochs, metrics.encoder_seed)
+
+
+def require_same(known: str | None, now: str, what: str) -> None:
+    """A resumed or re-evaluated run must meet what it was trained and judged on."""
+    if known is not None and known != now:
+        raise ConfigError(
+            f"{what} has changed since this run was made ({known[:10]} -> {now[:10]}), so its"
+            " numbers would not belong together",
+            "put the old files back, or start a new run",
+        )
+
+
+def load_weights(model: LightningModule, path: Path) -> None:
+    """Put a checkpoint's weights into a module."""
+    checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    model.load_state_dict(checkpoint["state_dict"])

@@ -1,0 +1,83 @@
+"""Preparing a corpus, judging a finished run, and studies of the metrics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig, OmegaConf
+
+from cospeech.corpus.store import Store
+from cospeech.errors import ConfigError
+from cospeech.evaluation import evaluate_recordings, reference_rows
+from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
+from cospeech.methods.base import GestureMethod
+from cospeech.reporting.record import read_record, write_json
+from cospeech.reporting.tables import result_table
+
+
+def prepare(cfg: DictConfig) -> Store:
+    """Prepare a corpus and say what is in it.
+
+    Args:
+        cfg: Composed from ``conf/prepare.yaml``.
+    """
+    data = build(cfg.data)
+    store: Store = data.prepare_store()
+    print(store.describe())
+    for skipped in store.manifest["skipped"]:
+        print(f"  skipped {skipped['id']}: {skipped['reason']}")
+    print(f"store: {store.path}")
+    return store
+
+
+def evaluate(cfg: DictConfig) -> Any:
+    """Judge a finished run again, or run a study of the metrics.
+
+    Args:
+        cfg: Composed from ``conf/evaluate.yaml``.
+
+    Raises:
+        ConfigError: Neither ``run`` nor ``study`` is given, or the run has no checkpoint.
+    """
+    folder = Path(cfg.run_dir)
+    if cfg.run is None and OmegaConf.select(cfg, "study_task") is None:
+        raise ConfigError(
+            "say what to evaluate",
+            "python evaluate.py run=outputs/runs/ID, or python evaluate.py study=fgd_noise",
+        )
+    if cfg.run is None:
+        data = build(cfg.data)
+        store = data.prepare_store()
+        encoder = chosen_encoder(store, cfg.metrics)
+        study = build(cfg.study_task)
+        return study(store=store, encoder=encoder, split=cfg.split, folder=folder)
+    values = read_record(Path(cfg.run) / "record.json")
+    checkpoint = Path(cfg.run) / "checkpoints" / "best.ckpt"
+    if not values or not checkpoint.is_file():
+        raise ConfigError(
+            f"run={cfg.run}: no record.json with checkpoints/best.ckpt there",
+            "give the folder of a finished run, e.g. outputs/runs/ID",
+        )
+    store = build(values["config"]["data"]).prepare_store()
+    require_same(values["data_fingerprint"], store.fingerprint, "the corpus")
+    model = build(values["config"]["model"], corpus=store.facts())
+    if not isinstance(model, GestureMethod):
+        raise ConfigError(f"run={cfg.run}: a {values['model']} makes no motion to judge")
+    load_weights(model, checkpoint)
+    given = any(item.startswith("metrics") for item in HydraConfig.get().overrides.task)
+    metrics = cfg.metrics if given else OmegaConf.create(values["config"]["metrics"])
+    encoder = chosen_encoder(store, metrics)
+    values["encoder"] = {"sha256": encoder.sha256, "name": str(metrics.encoder)}
+    values["final"] = {
+        "split": cfg.split,
+        "recordings": evaluate_recordings(model, store, cfg.split, encoder),
+    }
+    values["references"] = reference_rows(store, encoder, cfg.split, metrics.reference_seed)
+    print(result_table(values))
+    write_json(folder / "evaluation.json", {k: values[k] for k in _EVALUATION_KEYS})
+    return values["final"]
+
+
+_EVALUATION_KEYS = ("id", "model", "data", "ablation", "seed", "encoder", "final", "references")

@@ -1,0 +1,254 @@
+"""One run: prepare, train, evaluate, record."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any, cast
+
+import lightning
+from filelock import FileLock, Timeout
+from hydra.utils import instantiate
+from lightning import Callback, LightningDataModule, LightningModule, Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.loggers import Logger
+from omegaconf import DictConfig, OmegaConf
+
+from cospeech.corpus.store import Store
+from cospeech.encoders import BATCH_SIZE, keep_encoder
+from cospeech.errors import ConfigError
+from cospeech.evaluation import References, evaluate_recordings, reference_rows
+from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
+from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
+from cospeech.experiment.folders import resume_command, run_identity
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.encoder import GestureEncoder, save_encoder
+from cospeech.reporting.record import RunRecord, read_record
+from cospeech.reporting.tables import result_table
+
+logger = logging.getLogger(__name__)
+
+
+def run(cfg: DictConfig) -> RunResult:
+    """Prepare the corpus and the encoder, train, evaluate, and leave a record.
+
+    Args:
+        cfg: Composed from ``conf/train.yaml``.
+
+    Raises:
+        CospeechError: Anything the user can mend; the record says ``failed`` with the message.
+        RunInterrupted: The user stopped it; the record says ``interrupted``.
+    """
+    folder = Path(cfg.run_dir)
+    record_path = folder / "record.json"
+    if OmegaConf.select(cfg, "study_task") is not None:
+        raise ConfigError("this study is of the metrics", "run it with evaluate.py")
+    if cfg.ckpt_path == "last" and record_path.is_file():
+        earlier = read_record(record_path)
+        epochs = earlier.get("config", {}).get("training", {}).get("epochs")
+        if earlier.get("status") == "ok" and epochs == cfg.training.epochs:
+            logger.info("%s had finished; nothing to do", folder)
+            return RunResult(folder, earlier, earlier.get("objective"))
+    first_process = int(os.environ.get("LOCAL_RANK", 0)) == 0
+    lock = FileLock(str(folder / ".lock"))
+    if first_process:
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise ConfigError(
+                f"another process is at work in {folder}", "wait for it, or stop it first"
+            ) from None
+    resolved = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
+    record = RunRecord(
+        record_path,
+        {
+            "id": folder.name,
+            "model": cfg.choices.model,
+            "data": cfg.choices.data,
+            "ablation": cfg.choices.ablation,
+            "seed": cfg.seed,
+            "identity": run_identity(cfg),
+            "config": resolved,
+        },
+        writes=first_process,
+    )
+    try:
+        return _run(cfg, folder, record)
+    except RunInterrupted as error:
+        record.finish("interrupted", str(error))
+        raise
+    except (KeyboardInterrupt, SystemExit):  # Lightning turns the first into the second
+        record.finish("interrupted", "stopped by Ctrl-C")
+        raise RunInterrupted("stopped", f"continue with: {resume_command()}") from None
+    except BaseException as error:
+        record.finish("failed", f"{type(error).__name__}: {error}")
+        raise
+    finally:
+        lock.release()
+        wandb = sys.modules.get("wandb")
+        if wandb is not None and wandb.run is not None:
+            wandb.finish()  # or the next job of a multirun would log into this one's run
+
+
+def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
+    lightning.seed_everything(cfg.seed, verbose=False)
+    data = build(cfg.data)
+    with _timed(record, "prepare_corpus"):
+        store: Store = data.prepare_store()
+    logger.info("%s", store.describe())
+    require_same(record.values["data_fingerprint"], store.fingerprint, "the corpus")
+    record.update(data_fingerprint=store.fingerprint)
+
+    # Everything that can be wrong with the settings is found before anything slow begins.
+    lightning.seed_everything(cfg.seed, verbose=False)
+    model: LightningModule = build(cfg.model, corpus=store.facts())
+    data.attach(model)
+    for windows in (data.train_dataloader, data.val_dataloader, data.test_dataloader):
+        windows()
+    without_words = sum(not recording.has_words for recording in store.recordings)
+    if "words" in data.needs and without_words:
+        logger.warning(
+            "%d of %d recordings have no transcript: their words are padding",
+            without_words,
+            len(store.recordings),
+        )
+
+    encoder: GestureEncoder | None = None
+    references: dict[str, References] = {}
+    if isinstance(model, GestureMethod):
+        with _timed(record, "encoder"):
+            encoder = chosen_encoder(store, cfg.metrics)
+            for split in ("val", "test"):
+                references[split] = reference_rows(
+                    store, encoder, split, cfg.metrics.reference_seed
+                )
+        known = (record.values["encoder"] or {}).get("sha256")
+        require_same(known, encoder.sha256, "the encoder of the evaluation")
+        record.update(encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)})
+
+    context = RunContext(folder, store, encoder, references, record, resume_command())
+    callbacks = [_with_context(node, context) for node in (cfg.callbacks or {}).values() if node]
+    loggers: list[Logger] = [instantiate(node) for node in (cfg.logger or {}).values()]
+    for experiment_logger in loggers:
+        experiment_logger.log_hyperparams(
+            cast(dict[str, Any], OmegaConf.to_container(cfg.model, resolve=True))
+            | {"seed": cfg.seed, **cast(dict, OmegaConf.to_container(cfg.choices))}
+        )
+    trainer: Trainer = instantiate(
+        cfg.trainer, callbacks=callbacks, logger=loggers or False, default_root_dir=str(folder)
+    )
+
+    with _timed(record, "fit"):
+        # The encoder may have been trained just now; the run's draws must not depend on it.
+        lightning.seed_everything(cfg.seed, verbose=False)
+        trainer.fit(
+            model,
+            datamodule=cast(LightningDataModule, data),
+            ckpt_path=_checkpoint(cfg, folder),
+            weights_only=True,
+        )
+    best = _best_checkpoint(trainer)
+    objective = (
+        None if best is None or best.best_model_score is None else float(best.best_model_score)
+    )
+    record.update(objective=objective)
+
+    if best is not None and best.best_model_path:
+        load_weights(model, Path(best.best_model_path))
+    if isinstance(model, MotionAutoencoder) and trainer.is_global_zero:
+        _keep_encoder(cfg, folder, store, model)
+    if cfg.test and isinstance(model, GestureMethod):
+        assert encoder is not None
+        with _timed(record, "test"):
+            windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
+        if not trainer.is_global_zero:
+            return RunResult(folder, record.values, objective, model)
+        with _timed(record, "test_recordings"):
+            recordings = evaluate_recordings(
+                model, store, "test", encoder, limit=_limit(cfg.trainer.get("limit_test_batches"))
+            )
+        record.update(
+            final={
+                "split": "test",
+                "windows": {
+                    name.removeprefix("test/"): float(value) for name, value in windows[0].items()
+                },
+                "recordings": recordings,
+            },
+            references=references["test"],
+        )
+        print(result_table(record.values))
+    record.finish("ok")
+    samples = [folder / name for name in record.values["samples"]]
+    print(f"\nrun:    {folder}")
+    if samples:
+        print(f"listen: {samples[-1].resolve()}")
+    return RunResult(folder, record.values, objective, model)
+
+
+def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: MotionAutoencoder) -> None:
+    """The explicitly trained encoder, beside the run and, if made as by default, in the store."""
+    path = folder / "encoder.pt"
+    save_encoder(model.encoder(str(folder.name)), path)
+    as_by_default = (
+        cfg.training.batch_size == BATCH_SIZE
+        and model.learning_rate == MotionAutoencoder(store.facts()).learning_rate
+        and not any(str(key).startswith("limit_") for key in cfg.trainer)
+    )
+    if as_by_default:
+        path = keep_encoder(store, model.encoder(), cfg.training.epochs, cfg.seed)
+    logger.info("encoder kept in %s; judge with it: metrics.encoder=%s", path, path)
+
+
+def _with_context(node: DictConfig, context: RunContext) -> Callback:
+    """A callback; those of ours are partials that wait for the run's context."""
+    callback = instantiate(node, _convert_="all")
+    return callback(run=context) if isinstance(callback, functools.partial) else callback
+
+
+def _best_checkpoint(trainer: Trainer) -> ModelCheckpoint | None:
+    for callback in trainer.checkpoint_callbacks:
+        if isinstance(callback, ModelCheckpoint) and callback.monitor is not None:
+            return callback
+    return None
+
+
+def _checkpoint(cfg: DictConfig, folder: Path) -> str | None:
+    """The checkpoint to continue from, if any."""
+    if cfg.ckpt_path is None:
+        return None
+    if cfg.ckpt_path != "last":
+        path = Path(cfg.ckpt_path)
+        if not path.is_file():
+            raise ConfigError(f"ckpt_path={path}: no such file", "give a .ckpt file, or `last`")
+        return str(path)
+    last = folder / "checkpoints" / "last.ckpt"
+    if last.is_file():
+        logger.info("continuing from %s", last)
+        return str(last)
+    logger.info("no checkpoint yet in %s: starting from the beginning", folder)
+    return None
+
+
+def _limit(batches: Any) -> int | None:
+    """In a debug run that limits test batches, as many whole recordings."""
+    return batches if isinstance(batches, int) else None
+
+
+class _timed:
+    """Adds the seconds inside to the record, whatever happens there."""
+
+    def __init__(self, record: RunRecord, name: str) -> None:
+        self.record, self.name = record, name
+
+    def __enter__(self) -> None:
+        self.start = time.perf_counter()
+
+    def __exit__(self, *error: object) -> None:
+        self.record.add_timing(self.name, time.perf_counter() - self.start)
