@@ -116,12 +116,17 @@ def test_the_debug_run_goes_through_every_stage(tmp_path):
     assert (folder / "samples" / "clip_0.mp4").is_file()
 
 
+def newest_autoencoder(outputs):
+    folders = command_line.records(outputs)
+    return [folder for folder in folders if folder.name.startswith("motion_autoencoder-")][-1]
+
+
 def test_the_auto_encoder_trains_explicitly_and_becomes_the_stores_own(outputs):
     settings = ("model=motion_autoencoder", "data.minutes=4", "data.speakers=2")
     done = command_line.run(outputs, *settings, "metrics.encoder_epochs=2")
     assert done.returncode == 0, done.stdout + done.stderr
     (kept,) = outputs.glob("stores/*/encoders/autoencoder-e2-s0.pt")
-    own = list(command_line.records(outputs))[-1] / "encoder.pt"
+    own = newest_autoencoder(outputs) / "encoder.pt"
     assert load_encoder(kept).sha256 == load_encoder(own).sha256
     # Trained otherwise than by default it stays with its run: the store's FGD scale is unchanged.
     before = kept.read_bytes()
@@ -129,7 +134,7 @@ def test_the_auto_encoder_trains_explicitly_and_becomes_the_stores_own(outputs):
         outputs, *settings, "metrics.encoder_epochs=2", "training.batch_size=16"
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    other = list(command_line.records(outputs))[-1] / "encoder.pt"
+    other = newest_autoencoder(outputs) / "encoder.pt"
     assert load_encoder(other).sha256 != load_encoder(own).sha256
     assert kept.read_bytes() == before
 
