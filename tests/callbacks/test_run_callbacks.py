@@ -67,7 +67,7 @@ def run(tmp_path):
     encoder = GestureEncoder(PoseAutoencoder(), store.facts()["mean_direction"])
     facts = {"id": "x", "model": "m", "data": "d", "ablation": "full", "seed": 0, "config": {}}
     record = RunRecord(tmp_path / "run" / "record.json", facts)
-    return RunContext(tmp_path / "run", store, encoder, {}, record, "python train.py")
+    return RunContext(tmp_path / "run", store, encoder, record, "python train.py")
 
 
 def loader(run, split):

@@ -10,7 +10,6 @@ from lightning import LightningModule
 
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
-from cospeech.evaluation import References
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.reporting.record import RunRecord
 
@@ -27,7 +26,6 @@ class RunContext:
         folder: The run's folder.
         store: The prepared corpus.
         encoder: Encoder of the evaluation space; None for a model that makes no motion.
-        references: Reference rows of the store under this encoder, per split.
         record: The run's `record.json`.
         resume_command: What to type to go on after an interruption.
     """
@@ -35,7 +33,6 @@ class RunContext:
     folder: Path
     store: Store
     encoder: GestureEncoder | None
-    references: dict[str, References]
     record: RunRecord
     resume_command: str
 

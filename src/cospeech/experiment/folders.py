@@ -20,9 +20,9 @@ from cospeech.reporting.record import read_record
 def resume_command() -> str:
     """What to type to go on with this run."""
     arguments = [a for a in sys.argv[1:] if not a.startswith("ckpt_path=")]
-    hydra = HydraConfig.get()
-    if hydra.mode == RunMode.MULTIRUN and not any(a.startswith("study") for a in arguments):
-        arguments.append(f"study_name={Path(hydra.sweep.dir).name}")
+    in_sweep = HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
+    if in_sweep and not any(argument.startswith("study") for argument in arguments):
+        arguments.append(f"study_name={Path(HydraConfig.get().sweep.dir).name}")
     return shlex.join([Path(sys.executable).name, sys.argv[0], *arguments, "ckpt_path=last"])
 
 

@@ -120,19 +120,16 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         )
 
     encoder: GestureEncoder | None = None
-    references: dict[str, References] = {}
+    references: References = {}
     if isinstance(model, GestureMethod):
         with _timed(record, "encoder"):
             encoder = chosen_encoder(store, cfg.metrics)
-            for split in ("val", "test"):
-                references[split] = reference_rows(
-                    store, encoder, split, cfg.metrics.reference_seed
-                )
+            references = reference_rows(store, encoder, "test", cfg.metrics.reference_seed)
         known = (record.values["encoder"] or {}).get("sha256")
         require_same(known, encoder.sha256, "the encoder of the evaluation")
         record.update(encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)})
 
-    context = RunContext(folder, store, encoder, references, record, resume_command())
+    context = RunContext(folder, store, encoder, record, resume_command())
     callbacks = [_with_context(node, context) for node in (cfg.callbacks or {}).values() if node]
     loggers: list[Logger] = [instantiate(node) for node in (cfg.logger or {}).values()]
     for experiment_logger in loggers:
@@ -181,7 +178,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
                 },
                 "recordings": recordings,
             },
-            references=references["test"],
+            references=references,
         )
         print(result_table(record.values))
     record.finish("ok")
