@@ -5,19 +5,23 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
 from filelock import FileLock, Timeout
 from lightning import LightningDataModule
 
-from cospeech.corpus.recording import Recording
-from cospeech.corpus.splits import SPLITS, Span, split_recordings, time_blocks
+from cospeech.corpus.reading import packed_sources, sensible_workers
+from cospeech.corpus.source import Source
+from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordings, time_blocks
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.windows import WindowDataset, WindowLoader, WindowSpec
+from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset, WindowLoader, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.joint_map import JointMap
 from cospeech.progress import progress_bar
@@ -27,86 +31,120 @@ logger = logging.getLogger(__name__)
 SHORTEST_BLOCK = 44
 """Evaluation-rate frames that hold two windows; judging takes at least two."""
 
-Reader = Callable[[], Recording]
-"""Reads one recording; called when its turn comes."""
+SPLIT_RULES = ("published", "recordings", "speakers", "time_blocks")
 
 
+@dataclass(kw_only=True, eq=False)
 class StoreDataModule(LightningDataModule):
     """A corpus prepared into a store on first use and served as windows.
 
-    A subclass names its sources (`sources`), yields its recordings (`readers`), and is otherwise
-    settings.
+    A subclass names its corpus, finds its sources, and is otherwise settings.
 
     Args:
-        name: Corpus name, used for the store's folder.
         store_dir: Folder that holds prepared stores.
         batch_size: Windows per training batch.
         seed: Seed of the batch order.
-        split: ``"recordings"`` (held-out recordings of known speakers), ``"speakers"`` (held-out
-            speakers) or ``"time_blocks"`` (each recording cut in time, for a handful of takes).
+        split: ``"published"`` (the corpus's own), ``"recordings"`` (held-out recordings of known
+            speakers), ``"speakers"`` (held-out speakers) or ``"time_blocks"`` (each recording cut
+            in time, for a handful of takes).
         val_share: Share for validation.
         test_share: Share for testing.
         split_seed: Seed of the split; apart from ``seed``, so that runs with other seeds are
             compared on the same split.
         strict: Fail on a bad recording instead of skipping it with a report.
         max_recordings: Use only so many recordings (debug runs); None for all.
+        workers: Processes that read the sources; None: one per core where it pays. The store's
+            bytes are the same.
+
+    Raises:
+        ConfigError: ``split`` is none of the four.
     """
 
-    def __init__(
-        self,
-        name: str,
-        store_dir: str,
-        batch_size: int,
-        seed: int,
-        split: str,
-        val_share: float,
-        test_share: float,
-        split_seed: int,
-        strict: bool,
-        max_recordings: int | None,
-    ) -> None:
+    store_dir: str
+    batch_size: int
+    seed: int
+    split: str
+    val_share: float
+    test_share: float
+    split_seed: int
+    strict: bool
+    max_recordings: int | None
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
         super().__init__()
-        if split not in ("recordings", "speakers", "time_blocks"):
-            raise ConfigError(f"data.split={split}: choose recordings, speakers or time_blocks")
-        self.corpus_name, self.store_dir = name, Path(store_dir)
-        self.batch_size, self.seed = batch_size, seed
-        self.split, self.val_share, self.test_share = split, val_share, test_share
-        self.split_seed, self.strict = split_seed, strict
-        self.max_recordings = max_recordings
+        if self.split not in SPLIT_RULES:
+            raise ConfigError(f"data.split={self.split}: choose one of {', '.join(SPLIT_RULES)}")
+        if self.workers is not None and self.workers < 1:
+            raise ConfigError(f"data.workers={self.workers}: at least 1, or null for one per core")
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._window: tuple[WindowSpec, frozenset[str]] | None = None
 
+    @property
     @abstractmethod
-    def sources(self) -> dict[str, Any]:
-        """What the store's bytes depend on, as JSON values; a change makes another store."""
+    def corpus_name(self) -> str:
+        """Name of the corpus and its store."""
 
     @abstractmethod
-    def readers(self) -> Iterable[tuple[str, Reader]]:
-        """(recording id, reader) of every recording, in a fixed order."""
+    def find_sources(self) -> Sequence[Source]:
+        """What the corpus consists of, in a fixed order; no big file is opened.
+
+        Raises:
+            CospeechError: There is nothing of the kind; the message says what was looked for.
+        """
+
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """What the recordings depend on besides their files, as JSON values."""
 
     def joint_map(self) -> JointMap | None:
         """Where the evaluation joints are; None: found by the joints' names."""
         return None
 
-    def recording_count(self) -> int | None:
-        """How many recordings `readers` will yield, where that is known beforehand."""
-        return None
+    @property
+    def upper_body(self) -> bool:
+        """Whether the corpus has the ten evaluation joints."""
+        return True
+
+    @cached_property
+    def sources(self) -> Sequence[Source]:
+        """The corpus's sources."""
+        return self.find_sources()
+
+    def refuse_impossible(self, method: str, needs: frozenset[str]) -> None:
+        """Say at once, before anything is prepared, that a method can't train on this corpus.
+
+        Raises:
+            ConfigError: The method reads 3-D upper-body positions and the corpus has none.
+        """
+        if "positions" in needs and not self.upper_body:
+            raise ConfigError(
+                f"{method} needs 3-D positions of the upper body, and {self.corpus_name} has none"
+                " (2-D keypoints, or too few joints)",
+                NO_UPPER_BODY_HINT,
+            )
 
     # Preparation ---------------------------------------------------------------------------
 
     def store_parameters(self) -> dict[str, Any]:
         """Everything the store's content depends on."""
+        files = sorted({path.absolute() for source in self.sources for path in source.files})
+        # Names below the shared folder: the same corpus reached another way is the same.
+        root = os.path.commonpath([path.parent for path in files]) if files else "."
+        stats = [(path.relative_to(root).as_posix(), path.stat()) for path in files]
         return {
             "schema": SCHEMA_VERSION,
             "corpus": self.corpus_name,
-            "sources": self.sources(),
+            "settings": self.settings(),
+            "files": [[name, stat.st_size, stat.st_mtime_ns] for name, stat in stats],
+            "joint_map": repr(self.joint_map()),
             "split": [self.split, self.val_share, self.test_share, self.split_seed],
             "max_recordings": self.max_recordings,
         }
 
     def prepare_store(self) -> Store:
-        """The store, built if it isn't there yet.
+        """The store, built if it isn't there yet; a build that was killed goes on.
 
         Two processes that need the same store build it once: the second waits.
         """
@@ -114,10 +152,11 @@ class StoreDataModule(LightningDataModule):
             parameters = self.store_parameters()
             text = json.dumps(parameters, sort_keys=True)
             fingerprint = hashlib.sha256(text.encode()).hexdigest()
-            path = self.store_dir / f"{self.corpus_name}-{fingerprint[:10]}"
+            folder = Path(self.store_dir)
+            path = folder / f"{self.corpus_name}-{fingerprint[:10]}"
             if not (path / "manifest.json").is_file():
-                self.store_dir.mkdir(parents=True, exist_ok=True)
-                lock = FileLock(str(self.store_dir / f".{path.name}.lock"))
+                folder.mkdir(parents=True, exist_ok=True)
+                lock = FileLock(str(folder / f".{path.name}.lock"))
                 try:
                     lock.acquire(timeout=0)
                 except Timeout:
@@ -132,39 +171,53 @@ class StoreDataModule(LightningDataModule):
         return self._store
 
     def _checked(self, store: Store) -> Store:
-        skipped = store.manifest["skipped"]
-        if self.strict and skipped:
-            first = skipped[0]
+        faults = [item for item in store.manifest["skipped"] if item["is_fault"]]
+        if self.strict and faults:
             raise CospeechError(
-                f"{len(skipped)} recordings of {store.name} could not be used; the first is"
-                f" {first['id']}: {first['reason']}",
+                f"{len(faults)} recordings of {store.name} could not be used; the first is"
+                f" {faults[0]['id']}: {faults[0]['reason']}",
                 "data.strict=false goes on with the rest",
             )
         return store
 
     def _build(self, path: Path, parameters: dict[str, Any], fingerprint: str) -> None:
-        name, joint_map = self.corpus_name, self.joint_map()
-        with StoreWriter(path, name, parameters, fingerprint, joint_map) as writer:
-            title = f"preparing {self.corpus_name}"
-            bar = progress_bar(self.readers(), self.recording_count(), title)
-            for recording_id, read in bar:
-                try:
-                    writer.add(read())
-                except CospeechError as error:
-                    if self.strict:
-                        raise
-                    writer.skip(recording_id, str(error))
-                if len(writer.recordings) == self.max_recordings:
+        joint_map, limit = self.joint_map(), self.max_recordings
+        with StoreWriter(
+            path, self.corpus_name, parameters, fingerprint, joint_map, self.upper_body
+        ) as writer:
+            done = len(writer.sources_done)
+            remaining = self.sources[done:]
+            workers = self.workers or sensible_workers(remaining)
+            if limit is not None:
+                workers = 1  # sources read ahead would be read for nothing
+            packed = packed_sources(remaining, joint_map, self.upper_body, workers)
+            total = None if limit is not None else len(self.sources)
+            for source in progress_bar(packed, total, f"preparing {self.corpus_name}", done):
+                if self.strict and source.faults:
+                    fault = source.faults[0]
+                    raise CospeechError(
+                        f"{fault.id}: {fault.reason}", "data.strict=false goes on with the rest"
+                    )
+                if limit is not None:
+                    room = limit - writer.recording_count
+                    source = replace(source, recordings=source.recordings[:room])
+                writer.append(source)
+                if writer.recording_count == limit:
                     break
             writer.finish(self._spans(writer))
 
     def _spans(self, writer: StoreWriter) -> dict[str, list[Span]]:
-        frames = writer.evaluation_frames()
-        if self.split == "time_blocks":
+        frames, rule = writer.evaluation_frames(), self.split
+        if rule == "published":
+            published = writer.column("split")
+            if self.max_recordings is None or {"train", "val"} <= set(published):
+                return published_spans(writer.column("id"), published, frames)
+            logger.warning("so few recordings don't reach the published splits: split here instead")
+            rule = "recordings"
+        if rule == "time_blocks":
             return time_blocks(frames, self.val_share, self.test_share, minimum=SHORTEST_BLOCK)
-        speakers = [recording.speaker for recording in writer.recordings]
         names = split_recordings(
-            speakers, self.val_share, self.test_share, self.split_seed, self.split
+            writer.column("speaker"), self.val_share, self.test_share, self.split_seed, rule
         )
         return {
             split: [Span(i, 0, frames[i]) for i, name in enumerate(names) if name == split]

@@ -12,7 +12,8 @@ CONF = Path(__file__).resolve().parents[1] / "conf"
 
 
 def names(group: str) -> list[str]:
-    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+    found = {path.stem for path in (CONF / group).glob("*.yaml")}
+    return sorted(found - {"base"})  # conf/data/base.yaml is what the others have in common
 
 
 def composed(*overrides: str, config: str = "train"):

@@ -2,7 +2,7 @@ from collections import Counter
 
 import pytest
 
-from cospeech.corpus.splits import Span, split_recordings, time_blocks
+from cospeech.corpus.splits import Span, published_spans, split_recordings, time_blocks
 from cospeech.errors import ConfigError
 
 SPEAKERS = [f"s{i % 8}" for i in range(40)]
@@ -47,3 +47,25 @@ def test_time_blocks_cover_a_take_without_overlap():
 def test_takes_too_short_for_blocks_are_an_error():
     with pytest.raises(ConfigError, match="34 frames"):
         time_blocks([60], 0.2, 0.2, minimum=34)
+
+
+def test_published_splits_are_taken_as_they_are():
+    spans = published_spans(["a", "b", "c"], ["train", "test", "val"], [5, 6, 7])
+    assert spans == {"train": [Span(0, 0, 5)], "val": [Span(2, 0, 7)], "test": [Span(1, 0, 6)]}
+
+
+def test_a_corpus_whose_test_part_is_kept_back_is_judged_on_validation(caplog):
+    spans = published_spans(["a", "b"], ["train", "val"], [5, 6])
+    assert spans["test"] == spans["val"] == [Span(1, 0, 6)]
+    assert "validation split" in caplog.text
+
+
+def test_a_recording_without_a_published_split_is_named():
+    with pytest.raises(ConfigError, match="1 of 3 recordings.*b") as caught:
+        published_spans(["a", "b", "c"], ["train", None, "val"], [5, 6, 7])
+    assert "data.split=recordings" in caught.value.hint
+
+
+def test_a_published_split_without_validation_says_how_to_make_one():
+    with pytest.raises(ConfigError, match="no val recording"):
+        published_spans(["a", "b"], ["train", "train"], [5, 6])

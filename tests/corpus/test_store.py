@@ -61,17 +61,9 @@ def test_audio_past_the_end_is_mirrored(tmp_path):
     np.testing.assert_array_equal(audio[3:], audio[:3][::-1])
 
 
-def test_a_killed_build_leaves_no_store(tmp_path):
-    def build_and_die():
-        with StoreWriter(tmp_path / "s", "s", {}, "0") as writer:
-            writer.add(make_recording("take0"))
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        build_and_die()
-    assert list(tmp_path.iterdir()) == []
+def test_a_folder_without_a_manifest_is_no_store(tmp_path):
     with pytest.raises(InputFileError, match="not a store"):
-        Store(tmp_path / "s")
+        Store(tmp_path)
 
 
 def test_a_stream_cut_short_is_found_at_opening(tmp_path):
@@ -139,11 +131,3 @@ def test_a_spans_speech_asks_for_no_more_frames_than_it_has(tmp_path):
     for frames in range(34, 150):
         speech = store.speech(Span(0, 0, frames))
         assert int(np.ceil(len(speech.waveform) / 16_000 * 15)) == frames
-
-
-def test_what_a_killed_build_left_is_cleared_by_the_next(tmp_path):
-    left = tmp_path / ".made.building-999999"
-    left.mkdir()
-    (left / "audio.bin").write_bytes(b"x" * 1000)
-    make_store(tmp_path)
-    assert not left.exists()

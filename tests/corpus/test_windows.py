@@ -1,8 +1,14 @@
 import numpy as np
 import pytest
 
+from cospeech.corpus.recording import WindowList
+from cospeech.corpus.splits import SPLITS, Span
+from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.windows import EpochOrder, WindowDataset, WindowLoader, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.motion.motion import Motion
+from cospeech.speech.speech import Speech, Word
+from cospeech.speech.vocabulary import frame_aligned_words
 from tests.corpora import make_recording, make_store
 
 SPEC = WindowSpec(fps=15, frames=34, seed_frames=4, stride=10)
@@ -91,8 +97,91 @@ def test_a_state_from_an_epoch_cut_short_does_not_leak_into_the_next(tmp_path):
     assert len(list(loader)) == 6
 
 
-def test_too_few_windows_for_a_batch_says_what_to_set(tmp_path):
+def test_too_few_windows_for_a_batch_make_one_batch(tmp_path, caplog):
     dataset = WindowDataset(make_store(tmp_path), "val", SPEC, ALL)
-    with pytest.raises(ConfigError, match="12 val windows") as caught:
-        WindowLoader(dataset, 128, seed=0, shuffle=True, drop_last=True)
-    assert "training.batch_size=12" in caught.value.hint
+    loader = WindowLoader(dataset, 128, seed=0, shuffle=True, drop_last=True)
+    assert "12 val windows don't fill one batch of 128" in caplog.text
+    (batch,) = list(loader)
+    assert sorted(batch.window_ids.tolist()) == list(range(12))
+    assert len(loader) == 1
+
+
+def changed(recording, **values):
+    return type(recording)(**{**vars(recording), **values})
+
+
+def store_of(folder, recordings, upper_body=True):
+    with StoreWriter(folder / "s", "s", {}, "0", upper_body=upper_body) as writer:
+        for recording in recordings:
+            writer.add(recording)
+        frames = writer.evaluation_frames()
+        spans = {split: [Span(i, 0, frames[i])] for i, split in enumerate(SPLITS)}
+        spans["train"] += [Span(i, 0, frames[i]) for i in range(3, len(frames))]
+        return writer.finish(spans)
+
+
+def test_a_published_list_decides_the_windows_it_fits(tmp_path):
+    windows = WindowList(15.0, 42, 10, np.array([0, 30, 50]), np.array([0, 31_990, 53_320]))
+    store = store_of(tmp_path, [changed(make_recording(f"t{i}"), windows=windows) for i in "abc"])
+    dataset = WindowDataset(store, "train", SPEC, ALL)
+    assert dataset.windows.tolist() == [[0, 0, 0], [0, 30, 31_990], [0, 50, 53_320]]
+    # audio comes from where the list says, not from 50 / 15 s = 53,333
+    assert dataset.batch([2]).audio[0, 0].item() == pytest.approx(53_320 / 16_000 % 1, abs=1e-4)
+    # the list was made for 42 frames every 10: it says nothing of longer windows or other strides
+    every_five = WindowDataset(store, "train", WindowSpec(15, 34, 4, 5), ALL)
+    assert len(every_five) == (150 - 34) // 5 + 1
+    longer = WindowDataset(store, "train", WindowSpec(15, 60, 4, 10), ALL)
+    assert len(longer) == (150 - 60) // 10 + 1
+
+
+def test_words_of_a_batch_are_those_of_the_plain_loop(tmp_path):
+    """Against `frame_aligned_words`, window by window, on words that overlap and begin early."""
+    rng = np.random.default_rng(3)
+    recordings = []
+    for i in range(6):
+        starts = np.sort(rng.uniform(-0.5, 9.8, 60)).round(2)
+        words = tuple(
+            Word(f"w{rng.integers(30)}", float(s), float(s + rng.exponential(0.6))) for s in starts
+        )
+        recordings.append(make_recording(f"t{i}", words=words if i != 4 else ()))
+    store = store_of(tmp_path, recordings)
+    dataset = WindowDataset(store, "train", WindowSpec(15, 34, 4, 3), frozenset({"words"}))
+    order = rng.permutation(len(dataset))
+    batch = dataset.batch(order).words.numpy()
+    for row, window in zip(batch, order, strict=True):
+        recording, start, _ = dataset.windows[window]
+        begin = start / 15
+        words = store.words(int(recording))
+        inside = words[(words[:, 0] < begin + 34 / 15) & (words[:, 1] > begin)]
+        expected = frame_aligned_words(inside[:, 0], inside[:, 2].astype(int), begin, 34, 15)
+        np.testing.assert_array_equal(row, expected)
+    assert (batch > 0).sum() > 1000
+
+
+def test_recordings_without_sound_are_left_out_where_sound_is_needed(tmp_path):
+    silent = Speech(np.zeros(0, dtype=np.float32), None)
+    recordings = [make_recording(f"t{i}") for i in range(5)]
+    recordings[0] = changed(recordings[0], speech=silent)
+    store = store_of(tmp_path, recordings)
+    assert set(WindowDataset(store, "train", SPEC, ALL).windows[:, 0]) == {3, 4}
+    everything = WindowDataset(store, "train", SPEC, frozenset({"positions"}))
+    assert set(everything.windows[:, 0]) == {0, 3, 4}
+
+
+def test_a_corpus_without_sound_says_so_at_the_start(tmp_path):
+    silent = Speech(np.zeros(0, dtype=np.float32), None)
+    store = store_of(tmp_path, [changed(make_recording(f"t{i}"), speech=silent) for i in range(3)])
+    with pytest.raises(ConfigError, match="no train recording has sound"):
+        WindowDataset(store, "train", SPEC, ALL)
+
+
+def test_keypoints_of_a_picture_are_refused_where_positions_are_needed(tmp_path):
+    recordings = []
+    for i in range(3):
+        motion = make_recording(f"t{i}").motion
+        flat = Motion(motion.skeleton, 15.0, motion.positions[..., :2].copy())
+        recordings.append(changed(make_recording(f"t{i}"), motion=flat))
+    store = store_of(tmp_path, recordings, upper_body=False)
+    with pytest.raises(ConfigError, match=r"2-D keypoints.*needs 3-D"):
+        WindowDataset(store, "train", SPEC, ALL)
+    assert len(WindowDataset(store, "train", SPEC, frozenset({"words"}))) == 12

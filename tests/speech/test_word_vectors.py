@@ -1,7 +1,6 @@
 """Word vectors from hand-made fastText files; hashes and sub-words worked out independently."""
 
 import logging
-import struct
 
 import numpy as np
 import pytest
@@ -9,39 +8,15 @@ import pytest
 from cospeech.errors import InputFileError
 from cospeech.speech.fasttext_binary import FastTextModel, fnv1a, ngram_buckets
 from cospeech.speech.vocabulary import Vocabulary
-from cospeech.speech.word_vectors import load_word_vectors
+from cospeech.speech.word_vectors import find_word_vectors, load_word_vectors
+from tests.fabricated.fasttext import BUCKETS, LONGEST, SHORTEST, write_fasttext_model
 
-BUCKETS, SHORTEST, LONGEST, DIMENSIONS = 50, 3, 6, 4
+DIMENSIONS = 4
 DICTIONARY = ["</s>", "the", "gesture", "naïve"]
 
 
 def write_model(path, matrix, words=DICTIONARY, **changes):
-    """A fastText binary as its saveModel writes it: settings, dictionary, input, output."""
-    fields = {
-        "magic": 793712314, "version": 12, "dimensions": matrix.shape[1], "kind": 2,
-        "buckets": BUCKETS, "shortest": SHORTEST, "longest": LONGEST, "pruned": -1,
-        "quantised": 0, "size": len(words), "labels": [], "height": matrix.shape[0],
-    } | changes  # fmt: skip
-    with path.open("wb") as file:
-        file.write(struct.pack("<ii", fields["magic"], fields["version"]))
-        # dim, ws, epoch, minCount, neg, wordNgrams, loss, model, bucket, minn, maxn, lrUpdateRate
-        file.write(struct.pack(
-            "<12i", fields["dimensions"], 5, 5, 1, 5, 1, 2, fields["kind"],
-            fields["buckets"], fields["shortest"], fields["longest"], 100,
-        ))  # fmt: skip
-        file.write(struct.pack("<d", 1e-4))
-        labels = fields["labels"]
-        file.write(struct.pack("<3i", fields["size"] + len(labels), fields["size"], len(labels)))
-        file.write(struct.pack("<2q", 1000, fields["pruned"]))
-        for kind, entries in enumerate((words, labels)):
-            for word in entries:
-                file.write(word.encode() + b"\0" + struct.pack("<qb", 10, kind))
-        file.write(struct.pack("<b", fields["quantised"]))
-        file.write(struct.pack("<2q", fields["height"], matrix.shape[1]))
-        file.write(matrix.astype("<f4").tobytes())
-        output = np.zeros((len(words), matrix.shape[1]), dtype="<f4")
-        file.write(struct.pack("<b2q", 0, *output.shape) + output.tobytes())
-    return path
+    return write_fasttext_model(path, matrix, words, **changes)
 
 
 @pytest.fixture
@@ -119,6 +94,20 @@ def test_binary_handles_accents_and_the_end_of_sentence(model_file, matrix):
     np.testing.assert_allclose(naive, mean_by_hand(matrix, "naïve"), rtol=1e-5)
     assert end_of_sentence is not None
     np.testing.assert_array_equal(end_of_sentence, matrix[0])
+
+
+def test_finding_leaves_out_what_the_file_does_not_know(tmp_path, model_file, matrix):
+    dimensions, found = find_word_vectors(model_file, ["Gesture", "the", "x"])
+    assert (dimensions, list(found)) == (DIMENSIONS, ["Gesture", "the", "x"])
+    np.testing.assert_allclose(found["Gesture"], mean_by_hand(matrix, "Gesture"), rtol=1e-5)
+    whole_words = write_model(tmp_path / "m.bin", matrix[:4], buckets=0, longest=0)
+    _, found = find_word_vectors(whole_words, ["Gesture", "the"])
+    assert list(found) == ["the"]
+    text = tmp_path / "crawl.vec"
+    table = write_text_vectors(text, ["the", "Gesture"])
+    dimensions, found = find_word_vectors(text, ["Gesture", "unheard"])
+    assert (dimensions, list(found)) == (300, ["Gesture"])
+    np.testing.assert_array_equal(found["Gesture"], table[1].astype(np.float32))
 
 
 def test_binary_without_subwords_knows_whole_words_only(tmp_path, matrix, caplog):

@@ -13,13 +13,35 @@ from cospeech.speech.speech import Speech
 
 
 @dataclass(frozen=True, eq=False)
+class WindowList:
+    """The windows of a recording that its published preprocessing keeps.
+
+    Attributes:
+        fps: Frame rate of the windows and of the recording's motion.
+        frames: Frames that the published filters looked at.
+        stride: Frames from one candidate window's start to the next.
+        starts: ``(W,)`` int64 first frames of the windows kept, ascending.
+        audio_starts: ``(W,)`` int64 first samples of the windows' audio, at 16 kHz: published code
+            does not always cut audio at ``start / fps``.
+        dropped: Reason -> number of candidate windows left out.
+    """
+
+    fps: float
+    frames: int
+    stride: int
+    starts: NDArray[np.int64]
+    audio_starts: NDArray[np.int64]
+    dropped: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
 class Recording:
     """Speech and motion of one take, as a reader yields it.
 
     Attributes:
         id: Unique within the corpus; letters, digits, ``-``, ``_``, ``.``.
         speaker: Speaker name.
-        speech: Audio and words.
+        speech: Audio and words; a waveform of no samples where the corpus has no audio.
         motion: Full-skeleton motion at its native rate.
         phases: Gesture-phase label per motion frame, ``(T,)`` int8 into
             `cospeech.motion.phases.PHASES`; None when not annotated.
@@ -28,6 +50,8 @@ class Recording:
         split: ``"train"``, ``"val"`` or ``"test"`` when the corpus publishes its split.
         source: Where it comes from: file names or the generator's arguments.
         licence: Licence of the data.
+        interlocutor: Speech of the other side of a dialogue, on the same clock.
+        windows: The only windows of the published list; None where any window may be used.
     """
 
     id: str
@@ -39,3 +63,5 @@ class Recording:
     split: str | None = None
     source: str = ""
     licence: str = ""
+    interlocutor: Speech | None = None
+    windows: WindowList | None = None

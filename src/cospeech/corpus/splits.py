@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cospeech.errors import ConfigError
+
+logger = logging.getLogger(__name__)
 
 SPLITS = ("train", "val", "test")
 
@@ -26,6 +29,43 @@ class Span:
     recording: int
     start: int
     stop: int
+
+
+def published_spans(
+    ids: Sequence[str], names: Sequence[str | None], frames: Sequence[int]
+) -> dict[str, list[Span]]:
+    """Whole recordings in the splits that their corpus publishes.
+
+    A corpus whose test part is kept back is judged on its validation part, with a warning.
+
+    Args:
+        ids: Recording ids.
+        names: Split of each recording, None where the corpus says nothing.
+        frames: Evaluation-rate frames of each recording.
+
+    Raises:
+        ConfigError: A recording has no published split, or no recording trains or validates.
+    """
+    lost = [i for i, name in zip(ids, names, strict=True) if name not in SPLITS]
+    if lost:
+        raise ConfigError(
+            f"{len(lost)} of {len(ids)} recordings have no published split, e.g. {lost[0]}",
+            "split them here: data.split=recordings, speakers or time_blocks",
+        )
+    spans = {
+        split: [Span(i, 0, frames[i]) for i, name in enumerate(names) if name == split]
+        for split in SPLITS
+    }
+    for split in ("train", "val"):
+        if not spans[split]:
+            raise ConfigError(
+                f"the published split has no {split} recording here",
+                "get that part of the corpus too, or split what is there: data.split=recordings",
+            )
+    if not spans["test"]:
+        logger.warning("no test recording here: what is called test below is the validation split")
+        spans["test"] = list(spans["val"])
+    return spans
 
 
 def split_recordings(

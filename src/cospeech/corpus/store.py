@@ -2,14 +2,18 @@
 
 Layout of a store folder::
 
-    manifest.json      schema version, parameters, fingerprint, recordings, splits, statistics
-    vocabulary.json    word list; a word's id is its index
-    annotations.jsonl  one JSON object per recording, in manifest order
-    positions.bin      float32, every recording's (T, J, 3) one after another
-    upper_body.bin     float32, (T', 10, 3) at the evaluation rate, root-relative
-    audio.bin          int16, 16 kHz
-    words.bin          (start s, end s, word id) float64 rows
-    phases.bin         int8, one per motion frame
+    manifest.json           schema version, parameters, fingerprint, recordings, splits, statistics
+    vocabulary.json         word list; a word's id is its index
+    annotations.jsonl       one JSON object per recording, in manifest order
+    positions.bin           float32, every recording's (T, J, 3) one after another; (T, J, 2) in a
+                            corpus of 2-D keypoints
+    upper_body.bin          float32, (T', 10, 3) at the evaluation rate, root-relative
+    audio.bin               int16, 16 kHz
+    words.bin               (start s, end s, word id) float64 rows
+    phases.bin              int8, one per motion frame
+    interlocutor_audio.bin  as audio: the other side of a dialogue
+    interlocutor_words.bin  as words
+    windows.bin             (start frame, start sample) int64 rows: published windows
 
 A store is built in a temporary folder beside its final place and renamed when it is complete, so a
 killed build leaves nothing that looks like a store.
@@ -18,15 +22,17 @@ killed build leaves nothing that looks like a store.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.facts import CorpusFacts
+from cospeech.corpus.packing import EVALUATION_FPS
 from cospeech.corpus.splits import Span
 from cospeech.errors import InputFileError
 from cospeech.motion.motion import Motion
@@ -34,17 +40,25 @@ from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 
-SCHEMA_VERSION = 1
-EVALUATION_FPS = 15.0
+__all__ = ["EVALUATION_FPS", "SCHEMA_VERSION", "Store", "StoredRecording"]
 
-STREAMS: dict[str, tuple[str, int]] = {
-    "positions": ("<f4", 3),
-    "upper_body": ("<f4", 30),
-    "audio": ("<i2", 1),
-    "words": ("<f8", 3),
-    "phases": ("|i1", 1),
-}
-"""Stream name -> (dtype, numbers per row). A row of `positions` is one joint of one frame."""
+SCHEMA_VERSION = 2
+
+RECORDING_FACTS = (
+    "id",
+    "speaker",
+    "skeleton",
+    "fps",
+    "frames",
+    "dimensions",
+    "split",
+    "has_words",
+    "has_audio",
+    "has_phases",
+    "has_interlocutor",
+    "source",
+    "licence",
+)
 
 
 @dataclass(frozen=True)
@@ -56,9 +70,13 @@ class StoredRecording:
         speaker: Speaker name.
         skeleton: Index into the store's skeletons.
         fps: Native motion rate.
-        rows: Stream name -> (first row, number of rows).
+        frames: Frames at the evaluation rate.
+        dimensions: 3, or 2 for keypoints of a picture; one number for the whole corpus.
+        split: The split that the corpus publishes, if any.
         has_words: Whether a transcript exists (an empty list of words differs from none).
+        has_audio: Whether there is sound.
         has_phases: Whether gesture phases are annotated.
+        has_interlocutor: Whether the other side of a dialogue is there.
         source: Where it came from.
         licence: Licence of the data.
     """
@@ -67,11 +85,43 @@ class StoredRecording:
     speaker: str
     skeleton: int
     fps: float
-    rows: dict[str, tuple[int, int]]
+    frames: int
+    dimensions: int
+    split: str | None
     has_words: bool
+    has_audio: bool
     has_phases: bool
+    has_interlocutor: bool
     source: str
     licence: str
+
+
+class RecordingTable(Sequence[StoredRecording]):
+    """The manifest's recordings, kept as columns: a large corpus has a quarter of a million.
+
+    Args:
+        columns: Attribute of `StoredRecording` -> its value for every recording.
+    """
+
+    def __init__(self, columns: dict[str, list[Any]]) -> None:
+        self.columns = columns
+
+    def __len__(self) -> int:
+        return len(self.columns["id"])
+
+    @overload
+    def __getitem__(self, index: int) -> StoredRecording: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[StoredRecording]: ...
+
+    def __getitem__(self, index: int | slice) -> StoredRecording | list[StoredRecording]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        return StoredRecording(**{name: self.columns[name][index] for name in RECORDING_FACTS})
+
+    def __iter__(self) -> Iterator[StoredRecording]:
+        return (self[i] for i in range(len(self)))
 
 
 class Store:
@@ -104,10 +154,10 @@ class Store:
         self.name: str = manifest["name"]
         self.fingerprint: str = manifest["fingerprint"]
         self.skeletons = [Skeleton.from_dict(values) for values in manifest["skeletons"]]
-        self.recordings = [
-            StoredRecording(**{**values, "rows": {k: tuple(v) for k, v in values["rows"].items()}})
-            for values in manifest["recordings"]
-        ]
+        self.dimensions: int = manifest["dimensions"]
+        self.has_upper_body: bool = manifest["has_upper_body"]
+        self.window_grid: dict[str, float] | None = manifest["window_grid"]
+        self.recordings = RecordingTable(manifest["recordings"])
         self.splits: dict[str, list[Span]] = {
             name: [Span(*span) for span in spans] for name, spans in manifest["splits"].items()
         }
@@ -115,6 +165,11 @@ class Store:
             stream: self._open(stream, **facts, rebuild=rebuild)
             for stream, facts in manifest["streams"].items()
         }
+        counts = {
+            stream: np.array(manifest["rows"][stream], dtype=np.int64) for stream in self._streams
+        }
+        self.first_rows = {stream: np.cumsum(rows) - rows for stream, rows in counts.items()}
+        self.row_counts = counts
         self.speaker_ids = {name: i + 1 for i, name in enumerate(manifest["speakers"])}
 
     def _open(self, stream: str, dtype: str, width: int, rows: int, rebuild: str) -> NDArray[Any]:
@@ -141,7 +196,10 @@ class Store:
         Returns:
             ``(rows, width)``; rows outside the recording are not given.
         """
-        first, count = self.recordings[recording].rows[stream]
+        first, count = (
+            int(self.first_rows[stream][recording]),
+            int(self.row_counts[stream][recording]),
+        )
         stop = count if stop is None else min(stop, count)
         start = max(0, min(start, stop))
         return self._streams[stream][first + start : first + stop]
@@ -150,14 +208,26 @@ class Store:
         """``(T, 10, 3)`` float32 upper-body positions at the evaluation rate."""
         return self.read(recording, "upper_body", start, stop).reshape(-1, 10, 3)
 
+    def stream(self, stream: str) -> NDArray[Any]:
+        """Every row of a stream, ``(rows, width)``; recording i has those from `first_rows` on."""
+        return self._streams[stream]
+
     def audio(self, recording: int, start: int, count: int) -> NDArray[np.float32]:
         """``(count,)`` float32 samples; past the recording's end they are mirrored (spec 3.6)."""
-        samples = self.read(recording, "audio", start, start + count)[:, 0]
-        audio = samples.astype(np.float32) * np.float32(1 / 32767)
-        missing = count - len(audio)
-        if missing and len(audio):
-            return np.pad(audio, (0, missing), mode="symmetric")
-        return audio if not missing else np.zeros(count, dtype=np.float32)
+        audio = np.empty(count, dtype=np.float32)
+        self.copy_audio(recording, start, audio)
+        return audio
+
+    def copy_audio(self, recording: int, start: int, into: NDArray[np.float32]) -> None:
+        """Fill ``into`` with samples from ``start`` on; past the end they are mirrored."""
+        samples = self.read(recording, "audio", start, start + len(into))[:, 0]
+        there = len(samples)
+        np.multiply(samples, np.float32(1 / 32767), out=into[:there])
+        missing = len(into) - there
+        if missing and there:
+            into[there:] = np.pad(into[:there], (0, missing), mode="symmetric")[there:]
+        else:
+            into[there:] = 0
 
     def words(self, recording: int) -> NDArray[np.float64]:
         """``(W, 3)`` float64: start s, end s, word id, in order of onset."""
@@ -165,25 +235,41 @@ class Store:
 
     def speech(self, span: Span) -> Speech:
         """Speech of a span, its clock starting at the span's first frame."""
+        return self._speech(span, "audio", "words", self.recordings[span.recording].has_words)
+
+    def interlocutor(self, span: Span) -> Speech | None:
+        """Speech of the other side of the dialogue in a span; None where there is none."""
+        if not self.recordings[span.recording].has_interlocutor:
+            return None
+        return self._speech(span, "interlocutor_audio", "interlocutor_words", True)
+
+    def _speech(self, span: Span, audio: str, words: str, has_words: bool) -> Speech:
         offset = span.start / EVALUATION_FPS
         duration = (span.stop - span.start) / EVALUATION_FPS
         first = round(offset * SAMPLE_RATE)
         # Rounded down: a sample too many would be a frame too many of motion that covers the audio.
-        audio = self.audio(span.recording, first, int(duration * SAMPLE_RATE + 1e-6))
-        if not self.recordings[span.recording].has_words:
-            return Speech(audio, None)
-        rows = self.words(span.recording)
+        count = int(duration * SAMPLE_RATE + 1e-6)
+        samples = self.read(span.recording, audio, first, first + count)[:, 0]
+        waveform = samples * np.float32(1 / 32767)
+        if 0 < len(waveform) < count:
+            waveform = np.pad(waveform, (0, count - len(waveform)), mode="symmetric")
+        if not has_words:
+            return Speech(waveform, None)
+        rows = self.read(span.recording, words)
         inside = rows[(rows[:, 0] < offset + duration) & (rows[:, 1] > offset)]
-        words = tuple(
-            Word(self.vocabulary[int(i)], start - offset, end - offset) for start, end, i in inside
+        return Speech(
+            waveform,
+            tuple(
+                Word(self.vocabulary[int(i)], start - offset, end - offset)
+                for start, end, i in inside
+            ),
         )
-        return Speech(audio, words)
 
     def motion(self, recording: int) -> Motion:
-        """Full-skeleton motion at its native rate."""
+        """Full-skeleton motion at its native rate; 2-D in a corpus of keypoints."""
         stored = self.recordings[recording]
         skeleton = self.skeletons[stored.skeleton]
-        positions = self.read(recording, "positions").reshape(-1, len(skeleton), 3)
+        positions = self.read(recording, "positions").reshape(-1, len(skeleton), self.dimensions)
         return Motion(skeleton, stored.fps, positions)
 
     def upper_body_motion(self, span: Span) -> Motion:
@@ -204,19 +290,26 @@ class Store:
 
     def annotations(self, recording: int) -> dict[str, Any]:
         """Whatever else is known of a recording."""
-        with (self.path / "annotations.jsonl").open() as file:
-            for i, line in enumerate(file):
-                if i == recording:
-                    return json.loads(line)
-        raise IndexError(recording)
+        with (self.path / "annotations.jsonl").open("rb") as file:
+            file.seek(self._annotation_offsets[recording])
+            return json.loads(file.readline())
+
+    @cached_property
+    def _annotation_offsets(self) -> list[int]:
+        offsets, offset = [], 0
+        with (self.path / "annotations.jsonl").open("rb") as file:
+            for line in file:
+                offsets.append(offset)
+                offset += len(line)
+        return offsets
 
     def facts(self) -> CorpusFacts:
         """What a method needs to be built and to generate without the store."""
         return {
             "words": self.vocabulary,
             "speakers": list(self.speaker_ids),
-            "mean_direction": self.manifest["statistics"]["mean_direction"],
-            "bone_lengths": self.manifest["statistics"]["bone_lengths"],
+            "mean_direction": self.manifest["statistics"].get("mean_direction", []),
+            "bone_lengths": self.manifest["statistics"].get("bone_lengths", []),
         }
 
     def speaker_id(self, recording: int) -> int:

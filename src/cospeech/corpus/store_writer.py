@@ -1,4 +1,8 @@
-"""Building a store: in a temporary folder beside its place, renamed when complete."""
+"""Building a store: in a temporary folder beside its place, renamed when complete.
+
+A build that was killed goes on where it stopped. What is appended is noted, source by source, in a
+journal; whatever was written after its last whole line is cut off again.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import json
 import logging
 import os
 import shutil
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -14,25 +19,24 @@ from typing import IO, Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from cospeech.corpus.recording import Recording
-from cospeech.corpus.splits import SPLITS, Span
-from cospeech.corpus.store import (
+from cospeech.corpus.packing import (
     EVALUATION_FPS,
-    SCHEMA_VERSION,
     STREAMS,
-    Store,
-    StoredRecording,
+    PackedSource,
+    journal_line,
+    pack,
 )
+from cospeech.corpus.recording import Recording
+from cospeech.corpus.source import Dropped
+from cospeech.corpus.splits import SPLITS, Span
+from cospeech.corpus.store import RECORDING_FACTS, SCHEMA_VERSION, Store
 from cospeech.errors import CospeechError
 from cospeech.motion.codecs import direction_vectors
 from cospeech.motion.joint_map import JointMap
-from cospeech.motion.motion import resample_positions
-from cospeech.motion.skeleton import Skeleton
-from cospeech.motion.upper_body import UPPER_BODY, to_upper_body
+from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE
-from cospeech.speech.vocabulary import Vocabulary, normalise_word
+from cospeech.speech.vocabulary import Vocabulary
 
 logger = logging.getLogger(__name__)
 
@@ -47,6 +51,7 @@ class StoreWriter:
         fingerprint: Hash of the sources and parameters.
         joint_map: Where the evaluation joints are in every skeleton; found by the joints' names
             when None.
+        upper_body: Whether the corpus has the ten evaluation joints.
     """
 
     def __init__(
@@ -56,26 +61,36 @@ class StoreWriter:
         parameters: dict[str, Any],
         fingerprint: str,
         joint_map: JointMap | None = None,
+        upper_body: bool = True,
     ) -> None:
         self.path = path
-        self._joint_map = joint_map
-        self._building = path.with_name(f".{path.name}.building-{os.getpid()}")
+        self.joint_map, self.has_upper_body = joint_map, upper_body
+        self._building = path.with_name(f".{path.name}.building")
         self._meta = {"name": name, "parameters": parameters, "fingerprint": fingerprint}
         self._files: dict[str, IO[bytes]] = {}
-        self._rows = dict.fromkeys(STREAMS, 0)
-        self._recordings: list[StoredRecording] = []
-        self._skeletons: list[Skeleton] = []
-        self._word_texts: list[list[str]] = []
-        self._annotations: list[dict[str, Any]] = []
-        self.skipped: list[dict[str, str]] = []
+        self._ends: dict[str, int] = {}
+        self._rows: dict[str, list[int]] = {stream: [] for stream in STREAMS}
+        self._columns: dict[str, list[Any]] = {name: [] for name in RECORDING_FACTS}
+        self._skeletons: list[dict[str, Any]] = []
+        self._texts: dict[str, int] = {}
+        self._window_grid: dict[str, Any] | None = None
+        self.dropped_windows: Counter[str] = Counter()
+        self.skipped: list[Dropped] = []
+        self.sources_done: list[str] = []
+
+    # The building folder ------------------------------------------------------------------------
 
     def __enter__(self) -> StoreWriter:
-        # What killed builds left; a build that is alive is kept out by the caller's lock.
-        for stale in self.path.parent.glob(f".{self.path.name}.building-*"):
-            shutil.rmtree(stale, ignore_errors=True)
-        self._building.mkdir(parents=True)
+        made_by = {"schema": SCHEMA_VERSION, "fingerprint": self._meta["fingerprint"]}
+        if self._read_json("build.json") != made_by:
+            shutil.rmtree(self._building, ignore_errors=True)
+            self._building.mkdir(parents=True)
+            _write_json(self._building / "build.json", made_by)
         for stream in STREAMS:
-            self._files[stream] = (self._building / f"{stream}.bin").open("wb")
+            self._files[stream] = (self._building / f"{stream}.bin").open("ab")
+        for name in ("annotations.jsonl", "journal.jsonl"):
+            self._files[name] = (self._building / name).open("ab")
+        self._take_up()
         return self
 
     def __exit__(
@@ -86,7 +101,79 @@ class StoreWriter:
     ) -> None:
         for file in self._files.values():
             file.close()
-        shutil.rmtree(self._building, ignore_errors=True)
+        if not self.sources_done:
+            shutil.rmtree(self._building, ignore_errors=True)
+
+    def _read_json(self, name: str) -> Any:
+        try:
+            return json.loads((self._building / name).read_text())
+        except (OSError, ValueError):
+            return None
+
+    def _take_up(self) -> None:
+        """Go through the journal of an earlier build, and cut off what is not in it."""
+        journal = self._building / "journal.jsonl"
+        whole = 0
+        ends = dict.fromkeys((*STREAMS, "annotations.jsonl"), 0)
+        sizes = {name: self._path(name).stat().st_size for name in ends}
+        with journal.open("rb") as lines:
+            for line in lines:
+                try:
+                    entry = json.loads(line)
+                except ValueError:
+                    break  # the line that the kill cut short
+                if any(entry["ends"][name] > sizes[name] for name in ends):
+                    break  # noted, but its bytes never reached the disk
+                ends = entry["ends"]
+                self._note(entry)
+                whole += len(line)
+        self._files["journal.jsonl"].truncate(whole)
+        for name, end in ends.items():
+            self._files[name].truncate(end)
+        self._ends = ends
+        if self.sources_done:
+            logger.info("going on with %s after %d sources", self._building, len(self.sources_done))
+
+    def _path(self, name: str) -> Path:
+        return self._building / (name if "." in name else f"{name}.bin")
+
+    # Appending ----------------------------------------------------------------------------------
+
+    def append(self, source: PackedSource) -> None:
+        """Append everything that came out of one source."""
+        skeletons = list(self._skeletons)
+        indices = []
+        for packed in source.recordings:
+            indices.append(_index_of(packed.skeleton, skeletons))
+            data = dict(packed.data)
+            for stream, texts in (
+                ("words", packed.texts),
+                ("interlocutor_words", packed.interlocutor_texts),
+            ):
+                if texts:
+                    data[stream] = self._with_ids(data[stream], texts)
+            for stream, values in data.items():
+                self._write(stream, values)
+            self._write("annotations.jsonl", _line(packed.annotations))
+        for name in self._ends:
+            self._files[name].flush()
+        entry = journal_line(source, self._ends, indices)
+        entry["new_skeletons"] = skeletons[len(self._skeletons) :]
+        self._files["journal.jsonl"].write(_line(entry))
+        self._files["journal.jsonl"].flush()
+        for fault in source.faults:
+            logger.warning("skipped %s: %s", fault.id, fault.reason)
+        self._note(entry)
+
+    def _write(self, name: str, data: bytes) -> None:
+        self._files[name].write(data)
+        self._ends[name] += len(data)
+
+    def _with_ids(self, rows: bytes, texts: Sequence[str]) -> bytes:
+        """Word rows with ids in order of first appearance; `finish` makes them the vocabulary's."""
+        words = np.frombuffer(rows, dtype="<f8").reshape(-1, 3).copy()
+        words[:, 2] = [self._texts.setdefault(text, len(self._texts)) for text in texts]
+        return words.tobytes()
 
     def add(self, recording: Recording) -> None:
         """Append one recording.
@@ -94,61 +181,36 @@ class StoreWriter:
         Raises:
             CospeechError: The motion holds NaN, or its joints have no map to the upper body.
         """
-        motion = recording.motion
-        bad = motion.first_bad_frame()
-        if bad is not None:
-            joint = int((~np.isfinite(motion.positions[bad])).any(axis=1).argmax())
-            raise CospeechError(
-                f"recording {recording.id}: NaN or infinite position at frame {bad},"
-                f" joint {motion.skeleton.joints[joint]}"
-            )
-        upper = to_upper_body(motion, self._joint_map)
-        # A token without a letter or digit is no word (spec 3.4: empty words are skipped).
-        words = [w for w in recording.speech.words or () if normalise_word(w.text)]
-        arrays: dict[str, NDArray[Any]] = {
-            "positions": motion.positions.reshape(-1, 3),
-            "upper_body": resample_positions(upper.positions, motion.fps, EVALUATION_FPS).reshape(
-                -1, 30
-            ),
-            "audio": np.rint(np.clip(recording.speech.waveform, -1, 1) * 32767)[:, None],
-            "words": np.array([(w.start, w.end, -1) for w in words]).reshape(-1, 3),
-            "phases": np.zeros((0, 1))
-            if recording.phases is None
-            else np.asarray(recording.phases)[:, None],
-        }
-        rows = {}
-        for stream, array in arrays.items():
-            dtype, _ = STREAMS[stream]
-            if stream != "words":  # word ids are known only once every recording was seen
-                self._files[stream].write(np.ascontiguousarray(array, dtype=dtype).tobytes())
-            rows[stream] = (self._rows[stream], len(array))
-            self._rows[stream] += len(array)
-        self._word_texts.append([w.text for w in words])
-        self._files["words"].write(np.ascontiguousarray(arrays["words"], dtype="<f8").tobytes())
-        self._annotations.append({"id": recording.id, **recording.annotations})
-        self._recordings.append(
-            StoredRecording(
-                id=recording.id,
-                speaker=recording.speaker,
-                skeleton=self._skeleton_index(motion.skeleton),
-                fps=motion.fps,
-                rows=rows,
-                has_words=recording.speech.words is not None,
-                has_phases=recording.phases is not None,
-                source=recording.source,
-                licence=recording.licence,
-            )
-        )
+        packed = pack(recording, self.joint_map, self.has_upper_body)
+        self.append(PackedSource(recording.id, [packed]))
 
-    def skip(self, recording_id: str, reason: str) -> None:
-        """Note a recording that could not be used, with the reason, for the report."""
-        self.skipped.append({"id": recording_id, "reason": reason})
-        logger.warning("skipped %s: %s", recording_id, reason)
+    def _note(self, entry: dict[str, Any]) -> None:
+        """Keep what a journal entry says; the same for a new one and one of an earlier build."""
+        self.sources_done.append(entry["source"])
+        self.skipped += [Dropped(**values) for values in entry["dropped"]]
+        self._skeletons += entry["new_skeletons"]
+        for values in entry["recordings"]:
+            facts = values["facts"]
+            for name in RECORDING_FACTS:
+                self._columns[name].append(facts[name])
+            for stream in STREAMS:
+                self._rows[stream].append(values["rows"][stream])
+            for text in (*values["texts"], *values["interlocutor_texts"]):
+                self._texts.setdefault(text, len(self._texts))
+            self.dropped_windows.update(facts["dropped_windows"])
+            if facts["window_grid"] is not None:
+                if self._window_grid not in (None, facts["window_grid"]):
+                    raise ValueError("recordings of one corpus have different window grids")
+                self._window_grid = facts["window_grid"]
 
     @property
-    def recordings(self) -> Sequence[StoredRecording]:
-        """What has been added so far."""
-        return self._recordings
+    def recording_count(self) -> int:
+        """How many recordings have been added."""
+        return len(self._columns["id"])
+
+    def column(self, name: str) -> Sequence[Any]:
+        """One attribute of `StoredRecording` for every recording added."""
+        return self._columns[name]
 
     def evaluation_frames(self) -> list[int]:
         """Evaluation-rate frames of each recording added.
@@ -156,94 +218,119 @@ class StoreWriter:
         Raises:
             CospeechError: None was added; the message says why each was skipped.
         """
-        if not self._recordings:
-            reasons = "\n".join(f"  {s['id']}: {s['reason']}" for s in self.skipped[:10])
+        if not self.recording_count:
+            reasons = "\n".join(
+                f"  {dropped.id}: {dropped.reason}" for dropped in self.skipped[:10]
+            )
             raise CospeechError(f"no usable recording for {self._meta['name']}\n{reasons}")
-        return [recording.rows["upper_body"][1] for recording in self._recordings]
+        return self._columns["frames"]
+
+    # Finishing ----------------------------------------------------------------------------------
 
     def finish(self, splits: dict[str, list[Span]]) -> Store:
         """Write the manifest, move the store to its place and open it.
 
         Args:
-            splits: Spans of each split. Vocabulary and statistics come from ``"train"`` alone, but
-                for the words, which as published come from all (spec 3.8).
+            splits: Spans of each split. Statistics come from ``"train"`` alone, but the words, as
+                published, from all (spec 3.8).
         """
-        vocabulary = Vocabulary.build(
-            normalise_word(text) for texts in self._word_texts for text in texts
-        )
         for file in self._files.values():
             file.close()
-        ids = np.array(
-            [vocabulary.encode(text) for texts in self._word_texts for text in texts], dtype="<f8"
-        )
-        if len(ids):
-            words = np.memmap(
-                self._building / "words.bin", dtype="<f8", mode="r+", shape=(len(ids), 3)
-            )
-            words[:, 2] = ids
-            words.flush()
-        train = sorted({span.recording for span in splits["train"]})
-        speakers = sorted({self._recordings[i].speaker for i in train})
+        vocabulary = Vocabulary.build(self._texts)
+        ids = np.array([vocabulary.encode(text) for text in self._texts], dtype="<f8")
+        for stream in ("words", "interlocutor_words"):
+            rows = sum(self._rows[stream])
+            if rows:
+                words = np.memmap(
+                    self._path(stream), dtype="<f8", mode="r+", shape=(rows, STREAMS[stream][1])
+                )
+                words[:, 2] = ids[words[:, 2].astype(np.int64)]
+                words.flush()
+        train = {span.recording for span in splits["train"]}
+        if not train:
+            raise CospeechError("the training split is empty", "give the corpus more recordings")
         manifest = {
             "schema": SCHEMA_VERSION,
             **self._meta,
             "sample_rate": SAMPLE_RATE,
             "evaluation_fps": EVALUATION_FPS,
+            "dimensions": self._dimensions(),
+            "has_upper_body": self.has_upper_body,
+            "window_grid": self._window_grid,
             "streams": {
-                stream: {"dtype": dtype, "width": width, "rows": self._rows[stream]}
-                for stream, (dtype, width) in STREAMS.items()
+                stream: {
+                    "dtype": dtype,
+                    "width": self._width(stream),
+                    "rows": sum(self._rows[stream]),
+                }
+                for stream, (dtype, _) in STREAMS.items()
             },
-            "skeletons": [skeleton.to_dict() for skeleton in self._skeletons],
-            "speakers": speakers,
+            "skeletons": self._skeletons,
+            "speakers": sorted({self._columns["speaker"][i] for i in train}),
             "splits": {
                 name: [[span.recording, span.start, span.stop] for span in splits[name]]
                 for name in SPLITS
             },
-            "statistics": self._statistics(splits["train"]),
-            "skipped": self.skipped,
-            "recordings": [asdict(recording) for recording in self._recordings],
+            "statistics": self._statistics(splits["train"]) if self.has_upper_body else {},
+            "sources": len(self.sources_done),
+            "skipped": [asdict(dropped) for dropped in self.skipped],
+            "dropped_windows": dict(sorted(self.dropped_windows.items())),
+            "recordings": self._columns,
+            "rows": self._rows,
         }
         _write_json(self._building / "vocabulary.json", vocabulary.words)
-        with (self._building / "annotations.jsonl").open("w") as lines:
-            for annotation in self._annotations:
-                lines.write(json.dumps(annotation) + "\n")
         _write_json(self._building / "manifest.json", manifest)
+        for name in ("journal.jsonl", "build.json"):
+            (self._building / name).unlink()
         try:
             self._building.rename(self.path)
         except OSError:
             # Another process finished the same store first; its bytes are as good as ours.
             if not (self.path / "manifest.json").is_file():
                 raise
+            shutil.rmtree(self._building, ignore_errors=True)
         return Store(self.path)
 
-    def _skeleton_index(self, skeleton: Skeleton) -> int:
-        for i, known in enumerate(self._skeletons):
-            if known.joints == skeleton.joints and known.parents == skeleton.parents:
-                return i
-        self._skeletons.append(skeleton)
-        return len(self._skeletons) - 1
+    def _dimensions(self) -> int:
+        dimensions = set(self._columns["dimensions"])
+        if len(dimensions) > 1:
+            raise CospeechError("2-D and 3-D motion in one corpus", "prepare them as two corpora")
+        return int(dimensions.pop())
+
+    def _width(self, stream: str) -> int:
+        return self._dimensions() if stream == "positions" else STREAMS[stream][1]
 
     def _statistics(self, spans: Sequence[Span]) -> dict[str, list[float]]:
         """Mean direction vector (27) and mean bone lengths (9, metres) of the training split."""
-        total = self._rows["upper_body"]
-        upper = np.memmap(
-            self._building / "upper_body.bin", dtype="<f4", mode="r", shape=(total, 10, 3)
-        )
+        total = sum(self._rows["upper_body"])
+        upper = np.memmap(self._path("upper_body"), dtype="<f4", mode="r", shape=(total, 10, 3))
+        firsts = np.cumsum([0, *self._rows["upper_body"]])
         direction_sum, length_sum, count = np.zeros((9, 3)), np.zeros(9), 0
         parents = list(UPPER_BODY.parents[1:])
         for span in spans:
-            first = self._recordings[span.recording].rows["upper_body"][0]
+            first = firsts[span.recording]
             positions = np.array(upper[first + span.start : first + span.stop], dtype=np.float64)
             direction_sum += direction_vectors(torch.from_numpy(positions)).sum(0).numpy()
             bones = positions[:, 1:] - positions[:, parents]
             length_sum += np.linalg.norm(bones, axis=-1).sum(0)
             count += len(positions)
-        if count == 0:
-            raise CospeechError("the training split is empty", "give the corpus more recordings")
         return {
             "mean_direction": (direction_sum / count).reshape(27).tolist(),
             "bone_lengths": (length_sum / count).tolist(),
         }
+
+
+def _index_of(skeleton: dict[str, Any], known: list[dict[str, Any]]) -> int:
+    """Index of the skeleton with the same joints and parents; appended when it is new."""
+    for i, other in enumerate(known):
+        if other["joints"] == skeleton["joints"] and other["parents"] == skeleton["parents"]:
+            return i
+    known.append(skeleton)
+    return len(known) - 1
+
+
+def _line(values: Any) -> bytes:
+    return json.dumps(values).encode() + b"\n"
 
 
 def _write_json(path: Path, values: Any) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,10 +13,13 @@ import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.batch import BATCH_FIELDS, GestureBatch
+from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.speech.speech import SAMPLE_RATE
-from cospeech.speech.vocabulary import frame_aligned_words
+from cospeech.speech.vocabulary import word_frames
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,8 @@ class WindowSpec:
 class WindowDataset:
     """The fixed list of windows of one split; a window never leaves its span.
 
-    A recording without a transcript has the padding word everywhere.
+    Where the corpus has a published list of windows and the asked-for ones fit its grid, they are
+    those of the list. A recording without a transcript has the padding word everywhere.
 
     Args:
         store: The corpus.
@@ -51,7 +57,8 @@ class WindowDataset:
         needs: `GestureBatch` fields to fill.
 
     Raises:
-        ConfigError: A field that doesn't exist, or a frame rate the store doesn't hold.
+        ConfigError: A field that doesn't exist or that the corpus can't fill, or a frame rate the
+            store doesn't hold.
         CospeechError: No span of the split is as long as a window.
     """
 
@@ -61,66 +68,144 @@ class WindowDataset:
             raise ConfigError(f"no batch field {sorted(unknown)}; there are {sorted(BATCH_FIELDS)}")
         if spec.fps != EVALUATION_FPS:
             raise ConfigError(f"the store holds {EVALUATION_FPS} fps, not {spec.fps}")
+        if "positions" in needs and not store.has_upper_body:
+            raise ConfigError(
+                f"{store.name}: {NO_UPPER_BODY[store.dimensions]}", NO_UPPER_BODY_HINT
+            )
         self.store, self.split, self.spec, self.needs = store, split, spec, needs
-        windows = [
-            (span.recording, start)
-            for span in store.splits[split]
-            for start in range(span.start, span.stop - spec.frames + 1, spec.stride)
-        ]
-        if not windows:
+        spans = store.splits[split]
+        if "audio" in needs:
+            spans = self._with_audio(spans)
+        listed = _fits_grid(spec, store.window_grid)
+        windows = [_listed(store, span, spec) if listed else _every(span, spec) for span in spans]
+        self.windows: NDArray[np.int64] = np.concatenate([*windows, np.zeros((0, 3), np.int64)])
+        """``(n, 3)``: recording, first frame, first audio sample."""
+        if not len(self.windows):
             raise CospeechError(
                 f"{store.name}: no {split} recording holds a window of {spec.frames} frames"
                 f" ({spec.frames / spec.fps:.2f} s)",
                 "use longer recordings, or raise the split's share",
             )
-        self.windows: NDArray[np.int64] = np.array(windows, dtype=np.int64)
+        if "words" in needs:
+            self._word_rows = self._find_words()
+        if "speakers" in needs:
+            ids = store.speaker_ids
+            column = store.recordings.columns["speaker"]
+            self._speakers = np.array([ids.get(name, 0) for name in column], dtype=np.int64)
+
+    def _with_audio(self, spans: Sequence[Span]) -> list[Span]:
+        has_audio = self.store.recordings.columns["has_audio"]
+        heard = [span for span in spans if has_audio[span.recording]]
+        if spans and not heard:
+            raise ConfigError(
+                f"{self.store.name}: no {self.split} recording has sound, which the method needs",
+                "use a corpus with audio, or a method that reads none",
+            )
+        if len(heard) < len(spans):
+            logger.warning(
+                "%s: %d of %d %s recordings have no sound and are left out",
+                self.store.name,
+                len(spans) - len(heard),
+                len(spans),
+                self.split,
+            )
+        return heard
 
     def __len__(self) -> int:
         return len(self.windows)
 
     def describe(self, window: int) -> dict[str, Any]:
         """Recording and start time of a window, for reports."""
-        recording, start = self.windows[window]
+        recording, start, _ = self.windows[window]
         return {
             "window": int(window),
-            "recording": self.store.recordings[recording].id,
+            "recording": self.store.recordings[int(recording)].id,
             "start_s": float(start / self.spec.fps),
         }
 
     def batch(self, indices: Sequence[int] | NDArray[np.int64]) -> GestureBatch:
         """The windows at ``indices`` as one batch."""
-        chosen = self.windows[np.asarray(indices)]
-        spec, store = self.spec, self.store
-        fields: dict[str, torch.Tensor] = {
-            "window_ids": torch.as_tensor(np.asarray(indices), dtype=torch.int64)
-        }
+        indices = np.asarray(indices)
+        recordings, starts, samples = self.windows[indices].T
+        fields = {"window_ids": torch.as_tensor(indices, dtype=torch.int64)}
         if "positions" in self.needs:
-            positions = np.empty((len(chosen), spec.frames, 10, 3), dtype=np.float32)
-            for row, (recording, start) in enumerate(chosen):
-                positions[row] = store.upper_body(recording, start, start + spec.frames)
+            rows = self.store.first_rows["upper_body"][recordings] + starts
+            frames = rows[:, None] + np.arange(self.spec.frames)
+            positions = self.store.stream("upper_body")[frames].reshape(*frames.shape, 10, 3)
             fields["positions"] = torch.from_numpy(positions)
         if "audio" in self.needs:
-            audio = np.empty((len(chosen), spec.audio_samples), dtype=np.float32)
-            for row, (recording, start) in enumerate(chosen):
-                first = round(start / spec.fps * SAMPLE_RATE)
-                audio[row] = store.audio(recording, first, spec.audio_samples)
+            audio = np.empty((len(indices), self.spec.audio_samples), dtype=np.float32)
+            for row, recording, first in zip(audio, recordings, samples, strict=True):
+                self.store.copy_audio(int(recording), int(first), row)
             fields["audio"] = torch.from_numpy(audio)
         if "words" in self.needs:
-            words = np.stack([self._words(recording, start) for recording, start in chosen])
-            fields["words"] = torch.from_numpy(words)
+            fields["words"] = torch.from_numpy(self._words(indices, starts))
         if "speakers" in self.needs:
-            speakers = [store.speaker_id(recording) for recording in chosen[:, 0]]
-            fields["speakers"] = torch.tensor(speakers, dtype=torch.int64)
+            fields["speakers"] = torch.from_numpy(self._speakers[recordings])
         return GestureBatch(**fields)
 
-    def _words(self, recording: int, start: int) -> NDArray[np.int64]:
-        rows = self.store.words(recording)
-        begin = start / self.spec.fps
-        end = begin + self.spec.frames / self.spec.fps
-        inside = rows[(rows[:, 0] < end) & (rows[:, 1] > begin)]
-        return frame_aligned_words(
-            inside[:, 0], inside[:, 2].astype(np.int64), begin, self.spec.frames, self.spec.fps
-        )
+    def _find_words(self) -> NDArray[np.int64]:
+        """``(n, 2)``: first row of the word stream that may be in each window, and row after."""
+        found = np.zeros((len(self.windows), 2), dtype=np.int64)
+        recordings = self.windows[:, 0]
+        edges = np.flatnonzero(np.diff(recordings, prepend=-1, append=-1))
+        for begin, end in pairwise(edges):
+            recording = int(recordings[begin])
+            words = self.store.words(recording)
+            starts = self.windows[begin:end, 1] / self.spec.fps
+            # Words are in order of onset, not of end: no word before the first whose end, or an
+            # earlier one's, is past the window's start can be inside.
+            latest_end = np.maximum.accumulate(words[:, 1])
+            first = self.store.first_rows["words"][recording]
+            found[begin:end, 0] = first + np.searchsorted(latest_end, starts, side="right")
+            stops = starts + self.spec.frames / self.spec.fps
+            found[begin:end, 1] = first + np.searchsorted(words[:, 0], stops, side="left")
+        return found
+
+    def _words(self, indices: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """As `frame_aligned_words` for each window, all at once."""
+        first, stop = self._word_rows[indices].T
+        counts = np.maximum(stop - first, 0)
+        window = np.repeat(np.arange(len(indices)), counts)
+        rows = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+        onsets, ends, ids = self.store.stream("words")[rows].T
+        begins = (starts / self.spec.fps)[window]
+        inside = ends > begins
+        frames, fps = self.spec.frames, self.spec.fps
+        on_frame = word_frames(onsets, begins, frames, fps)
+        inside &= on_frame < frames
+        aligned = np.zeros((len(indices), frames), dtype=np.int64)
+        # NumPy assigns in order, so of several words on a frame the last one stays.
+        aligned[window[inside], on_frame[inside]] = ids[inside]
+        return aligned
+
+
+def _fits_grid(spec: WindowSpec, grid: dict[str, float] | None) -> bool:
+    """Whether a published list of windows says anything about windows like these."""
+    return grid is not None and (
+        grid["fps"] == spec.fps and grid["stride"] == spec.stride and spec.frames <= grid["frames"]
+    )
+
+
+def _every(span: Span, spec: WindowSpec) -> NDArray[np.int64]:
+    starts = np.arange(span.start, span.stop - spec.frames + 1, spec.stride)
+    samples = np.rint(starts / spec.fps * SAMPLE_RATE).astype(np.int64)
+    return np.stack([np.full_like(starts, span.recording), starts, samples], axis=1)
+
+
+def _listed(store: Store, span: Span, spec: WindowSpec) -> NDArray[np.int64]:
+    rows = store.read(span.recording, "windows")
+    inside = (rows[:, 0] >= span.start) & (rows[:, 0] + spec.frames <= span.stop)
+    return np.insert(rows[inside], 0, span.recording, axis=1)
+
+
+NO_UPPER_BODY = {
+    2: "these are 2-D keypoints of a picture, and the method needs 3-D upper-body positions",
+    3: "its joints don't give the ten upper-body joints that the method needs",
+}
+NO_UPPER_BODY_HINT = (
+    "choose a 3-D corpus (for Berkeley data.kind=3d), or a method that can do with what there is"
+)
 
 
 class EpochOrder:
@@ -134,7 +219,7 @@ class EpochOrder:
         batch_size: Windows per batch.
         seed: Seed of the permutations.
         shuffle: Permute, or keep the fixed order.
-        drop_last: Leave out a last batch that isn't full.
+        drop_last: Leave out a last batch that isn't full, unless it is the only one.
     """
 
     def __init__(
@@ -154,7 +239,8 @@ class EpochOrder:
     def __len__(self) -> int:
         rank, world = _world()
         share = self.count // world if self.shuffle else len(range(rank, self.count, world))
-        return share // self.batch_size if self.drop_last else -(-share // self.batch_size)
+        whole = share // self.batch_size
+        return max(whole, min(share, 1)) if self.drop_last else -(-share // self.batch_size)
 
     def __iter__(self) -> Iterator[NDArray[np.int64]]:
         rank, world = _world()
@@ -182,7 +268,7 @@ class WindowLoader:
 
     Args:
         dataset: The windows.
-        batch_size: Windows per batch, no more than there are.
+        batch_size: Windows per batch; where there are fewer, all of them make one batch.
         seed: Seed of the order.
         shuffle: Whether each epoch is permuted (training).
         drop_last: Leave out a last batch that isn't full (as published, spec 2.1).
@@ -192,9 +278,11 @@ class WindowLoader:
         self, dataset: WindowDataset, batch_size: int, seed: int, shuffle: bool, drop_last: bool
     ) -> None:
         if drop_last and len(dataset) < batch_size:
-            raise ConfigError(
-                f"{len(dataset)} {dataset.split} windows don't fill one batch of {batch_size}",
-                f"set training.batch_size={len(dataset)} or lower, or use more data",
+            logger.warning(
+                "%d %s windows don't fill one batch of %d: all of them make the only batch",
+                len(dataset),
+                dataset.split,
+                batch_size,
             )
         self.dataset = dataset
         self.sampler = EpochOrder(len(dataset), batch_size, seed, shuffle, drop_last)

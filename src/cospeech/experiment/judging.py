@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,14 @@ from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.evaluation import evaluate_recordings, reference_rows
 from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
+from cospeech.experiment.context import RunInterrupted
 from cospeech.methods.base import GestureMethod
+from cospeech.reporting.corpus_report import write_corpus_report
 from cospeech.reporting.record import read_record, write_json
 from cospeech.reporting.tables import result_table
+
+FAULTS_SHOWN = 20
+"""Sources that could not be read, named on the terminal."""
 
 
 def prepare(cfg: DictConfig) -> Store:
@@ -24,12 +30,40 @@ def prepare(cfg: DictConfig) -> Store:
         cfg: Composed from ``conf/prepare.yaml``.
     """
     data = build(cfg.data)
-    store: Store = data.prepare_store()
+    try:
+        store: Store = data.prepare_store()
+    except KeyboardInterrupt:
+        raise RunInterrupted(
+            "stopped; what is done is kept", "the same command goes on from here"
+        ) from None
+    report = store.path / "report.html"
+    if not report.is_file():
+        write_corpus_report(store, report, seed=cfg.seed)
     print(store.describe())
-    for skipped in store.manifest["skipped"]:
-        print(f"  skipped {skipped['id']}: {skipped['reason']}")
-    print(f"store: {store.path}")
+    print(what_was_left_out(store.manifest))
+    print(f"store:  {store.path}")
+    print(f"report: {report.resolve()}")
     return store
+
+
+def what_was_left_out(manifest: dict[str, Any]) -> str:
+    """Kept and dropped, by reason, for the terminal."""
+    skipped = manifest["skipped"]
+    recordings = len(manifest["recordings"]["id"])
+    lines = [f"kept:   {recordings} recordings of {manifest['sources']} sources"]
+    if manifest["window_grid"] is not None:
+        lines[0] += f", {sum(manifest['rows']['windows'])} published windows"
+    windows = ", ".join(f"{n} {reason}" for reason, n in manifest["dropped_windows"].items())
+    if windows:
+        lines.append(f"dropped windows:    {windows}")
+    rules = Counter(item["kind"] for item in skipped if not item["is_fault"])
+    if rules:
+        lines.append("dropped recordings: " + ", ".join(f"{n} {kind}" for kind, n in rules.items()))
+    faults = [item for item in skipped if item["is_fault"]]
+    lines += [f"not usable: {item['id']}: {item['reason']}" for item in faults[:FAULTS_SHOWN]]
+    if len(faults) > FAULTS_SHOWN:
+        lines.append(f"  and {len(faults) - FAULTS_SHOWN} more: see the report or the manifest")
+    return "\n".join(lines)
 
 
 def evaluate(cfg: DictConfig) -> Any:

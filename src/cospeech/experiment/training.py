@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import lightning
 from filelock import FileLock, Timeout
-from hydra.utils import instantiate
+from hydra.utils import get_class, instantiate
 from lightning import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import Logger
@@ -99,6 +99,8 @@ def run(cfg: DictConfig) -> RunResult:
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     lightning.seed_everything(cfg.seed, verbose=False)
     data = build(cfg.data)
+    method = cast(type[GestureMethod], get_class(cfg.model._target_))
+    data.refuse_impossible(cfg.choices.model, method.needs)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
     logger.info("%s", store.describe())

@@ -51,6 +51,29 @@ class JointSource:
     joint: str
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The joints that the skeleton must have for it."""
+        return (self.joint,)
+
+
+@dataclass(frozen=True)
+class JointBlend:
+    """An evaluation joint that lies between or beyond joints, for skeletons without rotations.
+
+    Attributes:
+        weights: (joint, weight) pairs; the weights sum to 1, so that the point moves with the body.
+            Negative ones reach beyond: ears 2, neck -1 is as far above the ears as the neck is
+            below them.
+    """
+
+    weights: tuple[tuple[str, float], ...]
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The joints that the skeleton must have for it."""
+        return tuple(joint for joint, _ in self.weights)
+
 
 @dataclass(frozen=True)
 class JointMap:
@@ -66,7 +89,7 @@ class JointMap:
     """
 
     name: str
-    joints: tuple[JointSource, ...]
+    joints: tuple[JointSource | JointBlend, ...]
     hips: tuple[str, str] | None = None
     markers: tuple[str, ...] = ()
     unit_scale: float = 0.01
@@ -75,7 +98,11 @@ class JointMap:
     def required(self) -> frozenset[str]:
         """Every joint that the skeleton must have."""
         return frozenset(
-            (*(source.joint for source in self.joints), *(self.hips or ()), *self.markers)
+            (
+                *(joint for source in self.joints for joint in source.needed),
+                *(self.hips or ()),
+                *self.markers,
+            )
         )
 
 
@@ -206,7 +233,10 @@ def _checked(path: Path, values: Any) -> JointMap:
     for name in EVALUATION_JOINTS:
         source = _source(joints[name])
         if source is None:
-            raise wrong(f"{name}: expected a joint name or {{joint: name, offset: [x, y, z]}}")
+            raise wrong(
+                f"{name}: expected a joint name, {{joint: name, offset: [x, y, z]}} or"
+                " {weights: {name: number, ...}} whose numbers sum to 1"
+            )
         sources.append(source)
     return JointMap(
         name=path.stem,
@@ -217,14 +247,31 @@ def _checked(path: Path, values: Any) -> JointMap:
     )
 
 
-def _source(value: Any) -> JointSource | None:
+def _source(value: Any) -> JointSource | JointBlend | None:
     if isinstance(value, str | int):
         return JointSource(str(value))
-    if not isinstance(value, dict) or not {"joint"} <= set(value) <= {"joint", "offset"}:
+    if not isinstance(value, dict):
+        return None
+    if set(value) == {"weights"}:
+        return _blend(value["weights"])
+    if not {"joint"} <= set(value) <= {"joint", "offset"}:
         return None
     offset = value.get("offset", [0.0, 0.0, 0.0])
     if not isinstance(offset, list) or len(offset) != 3:
         return None
-    if not all(isinstance(x, int | float) and math.isfinite(x) for x in offset):
+    if not all(_is_number(x) for x in offset):
         return None
     return JointSource(str(value["joint"]), (float(offset[0]), float(offset[1]), float(offset[2])))
+
+
+def _blend(weights: Any) -> JointBlend | None:
+    if not isinstance(weights, dict) or not all(_is_number(x) for x in weights.values()):
+        return None
+    # a sum other than 1 would scale the body's place in the room into the pose
+    if abs(sum(weights.values()) - 1) > 1e-6:
+        return None
+    return JointBlend(tuple((str(joint), float(x)) for joint, x in weights.items()))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)

@@ -20,7 +20,8 @@ class Motion:
         skeleton: The joints.
         fps: Frames per second.
         positions: ``(T, J, 3)`` float32, metres. World space for recordings; root-relative (root
-            at the origin, heading removed) for upper-body and generated motion.
+            at the origin, heading removed) for upper-body and generated motion. ``(T, J, 2)`` for
+            keypoints of a picture: pixels, +x the speaker's left, +y up.
         rotations_local: ``(T, J, 4)`` quaternions (x, y, z, w) of each joint relative to its
             parent, where known. Together with ``positions[:, root]`` and the skeleton's offsets
             they give the positions back.
@@ -35,11 +36,11 @@ class Motion:
     rotations_local: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        expected = (len(self.skeleton), 3)
-        if self.positions.ndim != 3 or self.positions.shape[1:] != expected:
+        joints = len(self.skeleton)
+        if self.positions.ndim != 3 or self.positions.shape[1:] not in ((joints, 3), (joints, 2)):
             raise ValueError(
                 f"positions of shape {self.positions.shape} for skeleton {self.skeleton.name}"
-                f" with {len(self.skeleton)} joints"
+                f" with {joints} joints"
             )
         if self.rotations_local is not None and self.rotations_local.shape != (
             *self.positions.shape[:2],
@@ -51,6 +52,11 @@ class Motion:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    @property
+    def dimensions(self) -> int:
+        """3, or 2 for keypoints of a picture."""
+        return self.positions.shape[2]
 
     @property
     def duration(self) -> float:

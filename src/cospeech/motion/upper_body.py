@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import (
     EVALUATION_JOINTS,
+    JointBlend,
     JointMap,
     JointSource,
     bare_names,
@@ -26,6 +27,7 @@ from cospeech.motion.skeleton import Skeleton
 __all__ = [
     "TED_AXES",
     "UPPER_BODY",
+    "JointBlend",
     "JointMap",
     "JointSource",
     "doubts_about",
@@ -61,9 +63,11 @@ def to_upper_body(motion: Motion, joint_map: JointMap | None = None) -> Motion:
         The same frames on `UPPER_BODY`: positions ``(T, 10, 3)`` float32, no rotations.
 
     Raises:
-        CospeechError: No map fits, the skeleton lacks a joint of the map, or the map needs a
-            joint's rotation and the motion has positions only.
+        CospeechError: The motion is two-dimensional, no map fits, the skeleton lacks a joint of the
+            map, or the map needs a joint's rotation and the motion has positions only.
     """
+    if motion.dimensions != 3:
+        raise CospeechError("2-D keypoints have no 3-D upper body")
     if joint_map is None:
         joint_map = find_joint_map(motion.skeleton)
     names = bare_names(motion.skeleton)
@@ -90,9 +94,21 @@ def to_upper_body(motion: Motion, joint_map: JointMap | None = None) -> Motion:
 
 
 def _points(motion: Motion, joint_map: JointMap, names: dict[str, int]) -> NDArray[np.float64]:
-    indices = [names[source.joint] for source in joint_map.joints]
-    points = motion.positions[:, indices].astype(np.float64)
-    carried = [i for i, source in enumerate(joint_map.joints) if any(source.offset)]
+    points = np.empty((len(motion), len(EVALUATION_JOINTS), 3))
+    for i, source in enumerate(joint_map.joints):
+        if isinstance(source, JointBlend):
+            blended = [
+                w * motion.positions[:, names[joint]].astype(np.float64)
+                for joint, w in source.weights
+            ]
+            points[:, i] = np.sum(blended, axis=0)
+        else:
+            points[:, i] = motion.positions[:, names[source.joint]]
+    carried = {
+        i: source
+        for i, source in enumerate(joint_map.joints)
+        if isinstance(source, JointSource) and any(source.offset)
+    }
     if not carried:
         return points
     if motion.rotations_local is None:
@@ -103,8 +119,9 @@ def _points(motion: Motion, joint_map: JointMap, names: dict[str, int]) -> NDArr
             hint="use a map without offsets, or motion with rotations",
         )
     world = world_rotations(motion.skeleton.parents, motion.rotations_local)
-    offsets = np.array([joint_map.joints[i].offset for i in carried])
-    points[:, carried] += rotate_vectors(world[:, [indices[i] for i in carried]], offsets)
+    offsets = np.array([source.offset for source in carried.values()])
+    turns = world[:, [names[source.joint] for source in carried.values()]]
+    points[:, list(carried)] += rotate_vectors(turns, offsets)
     return points
 
 

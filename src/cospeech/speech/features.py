@@ -17,6 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from cospeech.speech.band_power import slaney_bands
 from cospeech.speech.speech import SAMPLE_RATE
 
 Waveform = TypeVar("Waveform", Tensor, NDArray[np.float32])
@@ -162,33 +163,10 @@ def _mel_power_db(samples: Tensor, spec: MelSpec) -> Tensor:
         return_complex=True,
     )
     power = spectrum.real.square() + spectrum.imag.square()
-    mel = torch.from_numpy(_mel_bands(spec)).to(power) @ power
+    bands = slaney_bands(spec.fft_samples, SAMPLE_RATE, spec.bands, spec.lowest_hz, spec.highest_hz)
+    mel = torch.from_numpy(bands).to(power) @ power
     power_db = 10 * mel.clamp(min=SMALLEST_POWER).log10()
     return power_db.reshape(*samples.shape[:-1], *power_db.shape[-2:])
-
-
-def _hz_to_mel(hz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Slaney's scale: 15 mel per 1000 Hz up to there, then 27 mel for each factor of 6.4."""
-    above = 15 + 27 * np.log(np.maximum(hz, 1000) / 1000) / np.log(6.4)
-    return np.where(hz < 1000, hz * 15 / 1000, above)
-
-
-def _mel_to_hz(mel: NDArray[np.float64]) -> NDArray[np.float64]:
-    above = 1000 * np.exp((np.maximum(mel, 15) - 15) * np.log(6.4) / 27)
-    return np.where(mel < 15, mel * 1000 / 15, above)
-
-
-@lru_cache(maxsize=16)
-def _mel_bands(spec: MelSpec) -> NDArray[np.float32]:
-    """``(bands, fft_samples // 2 + 1)`` triangles, each of area 1 over its width in Hz."""
-    low_mel, high_mel = _hz_to_mel(np.array([spec.lowest_hz, spec.highest_hz]))
-    edges_hz = _mel_to_hz(np.linspace(low_mel, high_mel, spec.bands + 2))
-    bins_hz = np.arange(spec.fft_samples // 2 + 1) * SAMPLE_RATE / spec.fft_samples
-    left, centre, right = edges_hz[:-2, None], edges_hz[1:-1, None], edges_hz[2:, None]
-    rising = (bins_hz - left) / (centre - left)
-    falling = (right - bins_hz) / (right - centre)
-    triangles = np.maximum(0.0, np.minimum(rising, falling)) * 2 / (right - left)
-    return triangles.astype(np.float32)
 
 
 @lru_cache(maxsize=16)

@@ -96,6 +96,27 @@ class Vocabulary:
         return index if index >= len(SPECIAL_TOKENS) else UNK
 
 
+def word_frames(
+    word_starts: NDArray[np.float64],
+    window_starts_s: NDArray[np.float64] | float,
+    frames: int,
+    fps: float,
+) -> NDArray[np.int64]:
+    """Frame of each word's onset in its window: ``max(0, floor((start_w - window_start) / frame))``.
+
+    Args:
+        word_starts: ``(W,)`` onsets in s.
+        window_starts_s: Time of frame 0, s, of each word's window.
+        frames: Frames in the window.
+        fps: Frames per second.
+
+    Returns:
+        ``(W,)``; words that begin past the window have ``frames`` or more.
+    """
+    frame_s = frames / fps / frames  # as published, to the last bit
+    return np.maximum(0, np.floor((word_starts - window_starts_s) / frame_s)).astype(np.int64)
+
+
 def frame_aligned_words(
     word_starts: ArrayLike, word_ids: ArrayLike, window_start_s: float, frames: int, fps: float
 ) -> NDArray[np.int64]:
@@ -119,12 +140,11 @@ def frame_aligned_words(
     ids = np.asarray(word_ids, dtype=np.int64)
     if starts.shape != ids.shape:
         raise ValueError(f"{starts.shape} onsets for {ids.shape} word ids")
-    frame_s = frames / fps / frames
-    onsets = np.maximum(0, np.floor((starts - window_start_s) / frame_s))
+    onsets = word_frames(starts, window_start_s, frames, fps)
     inside = onsets < frames
     aligned = np.full(frames, PAD, dtype=np.int64)
     # NumPy assigns in order, so of several words on a frame the last one stays.
-    aligned[onsets[inside].astype(np.intp)] = ids[inside]
+    aligned[onsets[inside]] = ids[inside]
     return aligned
 
 

@@ -44,27 +44,13 @@ def load_word_vectors(path: str | Path, words: Sequence[str], seed: int) -> NDAr
     Raises:
         InputFileError: Missing, compressed, quantised, cut off, or in another format.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputFileError(
-            path,
-            "no such word vectors",
-            hint="download crawl-300d-2M-subword from fasttext.cc and unzip it",
-        )
-    with path.open("rb") as file:
-        head = file.read(4)
-    if head in _ARCHIVES:
-        raise InputFileError(path, "is compressed", hint=f"{_ARCHIVES[head]} {path.name}")
     wanted = {word: index for index, word in enumerate(words) if word not in SPECIAL_TOKENS}
-    if int.from_bytes(head, "little") == MAGIC:
-        dimensions, found = _from_binary(path, wanted)
-    else:
-        dimensions, found = _from_text(path, wanted)
+    dimensions, found = find_word_vectors(path, list(wanted))
     draws = np.random.default_rng(seed).standard_normal((len(words), dimensions))
     vectors = (draws / np.sqrt(dimensions)).astype(np.float32)
-    for index, vector in found.items():
-        vectors[index] = vector
-    missing = [word for word, index in wanted.items() if index not in found]
+    for word, vector in found.items():
+        vectors[wanted[word]] = vector
+    missing = [word for word in wanted if word not in found]
     _log.log(
         logging.WARNING if missing else logging.INFO,
         "%s: vectors for %d of %d words%s",
@@ -76,13 +62,43 @@ def load_word_vectors(path: str | Path, words: Sequence[str], seed: int) -> NDAr
     return vectors
 
 
-def _from_binary(path: Path, wanted: dict[str, int]) -> tuple[int, dict[int, NDArray[np.float32]]]:
-    model = FastTextModel.open(path, wanted)
+def find_word_vectors(
+    path: str | Path, words: Sequence[str]
+) -> tuple[int, dict[str, NDArray[np.float32]]]:
+    """What a file knows of some words: a ``.bin`` file by their sub-words too.
+
+    Args:
+        path: fastText ``.vec`` (text) or ``.bin`` file, told apart by content.
+        words: Words looked for, as they are written.
+
+    Returns:
+        Dimensions, and ``(dimensions,)`` float32 of each word for which there is a vector.
+
+    Raises:
+        InputFileError: Missing, compressed, quantised, cut off, or in another format.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputFileError(
+            path,
+            "no such word vectors",
+            hint="download crawl-300d-2M-subword from fasttext.cc and unzip it",
+        )
+    with path.open("rb") as file:
+        head = file.read(4)
+    if head in _ARCHIVES:
+        raise InputFileError(path, "is compressed", hint=f"{_ARCHIVES[head]} {path.name}")
+    is_binary = int.from_bytes(head, "little") == MAGIC
+    return _from_binary(path, words) if is_binary else _from_text(path, words)
+
+
+def _from_binary(path: Path, words: Sequence[str]) -> tuple[int, dict[str, NDArray[np.float32]]]:
+    model = FastTextModel.open(path, words)
     found = {}
-    for word, index in wanted.items():
+    for word in words:
         vector = model.vector(word)
         if vector is not None:
-            found[index] = vector
+            found[word] = vector
             if not np.isfinite(vector).all():
                 raise InputFileError(
                     path,
@@ -92,18 +108,18 @@ def _from_binary(path: Path, wanted: dict[str, int]) -> tuple[int, dict[int, NDA
     return model.dimensions, found
 
 
-def _from_text(path: Path, wanted: dict[str, int]) -> tuple[int, dict[int, NDArray[np.float32]]]:
-    keys = {word.encode(): index for word, index in wanted.items()}
-    found: dict[int, NDArray[np.float32]] = {}
+def _from_text(path: Path, words: Sequence[str]) -> tuple[int, dict[str, NDArray[np.float32]]]:
+    keys = {word.encode(): word for word in words}
+    found: dict[str, NDArray[np.float32]] = {}
     with path.open("rb", buffering=1 << 20) as file:
         total, dimensions = _text_header(path, file.readline(_MAX_LINE_BYTES))
         number = 1
         lines = iter(partial(file.readline, _MAX_LINE_BYTES if keys else 0), b"")
         for number, line in enumerate(progress_bar(lines, total, f"reading {path.name}"), start=2):
-            word, _, values = line.partition(b" ")
-            index = keys.get(word)
-            if index is not None and index not in found:
-                found[index] = _text_values(path, values, dimensions, number)
+            key, _, values = line.partition(b" ")
+            word = keys.get(key)
+            if word is not None and word not in found:
+                found[word] = _text_values(path, values, dimensions, number)
                 if len(found) == len(keys):
                     break
     if len(found) < len(keys) and number - 1 < total:

@@ -17,7 +17,6 @@ from cospeech.corpus.synthetic.outlines import LEFT, RIGHT
 from cospeech.corpus.synthetic.phrasing import (
     fill_phases,
     find_causes,
-    label_frames,
     place_strokes,
 )
 from cospeech.corpus.synthetic.posture import hand_tremor, make_posture
@@ -32,6 +31,7 @@ from cospeech.corpus.synthetic.takes import (
     plan,
 )
 from cospeech.motion.motion import Motion
+from cospeech.motion.phases import PhaseSegment, frame_phases
 from cospeech.speech.tts import Utterance, speak_all
 
 GENERATOR_VERSION = "1"
@@ -116,7 +116,9 @@ def build_take(take: TakePlan, utterances: list[Utterance], fps: float = 60) -> 
         speaker=take.speaker.name,
         speech=spoken.speech,
         motion=Motion(SKELETON, fps, positions.astype(np.float32), rotations.astype(np.float32)),
-        phases=label_frames(phases, frames, fps),
+        phases=frame_phases(
+            [PhaseSegment(phase.start, phase.end, phase.label) for phase in phases], frames, fps
+        ),
         annotations=annotations,
         source=f"cospeech synthetic corpus v{GENERATOR_VERSION}, seed {take.seed}",
         licence="MIT",

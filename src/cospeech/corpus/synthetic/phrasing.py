@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cospeech.corpus.synthetic.lexicon import BEAT, INDEPENDENT_HOLD, LISTING, concept_of
 from cospeech.corpus.synthetic.speakers import Style
 from cospeech.corpus.synthetic.takes import SpokenTake
-from cospeech.motion.phases import PHASE_INDEX
 
 _LEXICAL_SHARE = {
     "size_large": 0.9,
@@ -269,10 +267,3 @@ def _relax(
 
 def _draw(mean: float, habit: float, rng: np.random.Generator) -> float:
     return float(np.clip(mean * habit * rng.lognormal(-0.03, 0.25), 0.4 * mean, 2.2 * mean))
-
-
-def label_frames(phases: list[Phase], frames: int, fps: float) -> NDArray[np.int8]:
-    """Label index of every frame, ``(frames,)``; frame i shows time i / fps."""
-    ends = np.array([phase.end for phase in phases[:-1]])
-    which = np.searchsorted(ends, np.arange(frames) / fps, side="right")
-    return np.array([PHASE_INDEX[phase.label] for phase in phases], dtype=np.int8)[which]

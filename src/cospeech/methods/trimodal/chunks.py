@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -12,18 +10,9 @@ from torch import Tensor
 
 from cospeech.corpus.windows import WindowSpec
 from cospeech.methods.trimodal.networks import POSE_SIZE
-from cospeech.speech.speech import SAMPLE_RATE, Word
-from cospeech.speech.vocabulary import (
-    UNK,
-    Vocabulary,
-    evenly_placed_words,
-    frame_aligned_words,
-)
-
-PUNCTUATION = ".,:;!?"
-"""What the published text input strips from a word; nothing else is changed, case included."""
-
-logger = logging.getLogger(__name__)
+from cospeech.methods.trimodal.words import EncodedWords
+from cospeech.speech.speech import SAMPLE_RATE
+from cospeech.speech.vocabulary import evenly_placed_words, frame_aligned_words
 
 
 def covering_frames(samples: int, fps: float) -> int:
@@ -59,49 +48,24 @@ def _hop_samples(window: WindowSpec) -> float:
     return (window.frames - window.seed_frames) / window.fps * SAMPLE_RATE
 
 
-def cut_words(
-    words: Sequence[Word] | None,
-    vocabulary: Vocabulary,
-    count: int,
-    window: WindowSpec,
-    *,
-    fold_case: bool,
-    timed: bool,
-) -> Tensor:
+def cut_words(words: EncodedWords, count: int, window: WindowSpec, *, timed: bool) -> Tensor:
     """Word ids of each chunk (spec 3.7), ``(count, frames)`` int64, 0 where there is no word.
 
     Args:
-        words: The transcript; None or no words give padding alone, with a warning.
-        vocabulary: Word ids.
+        words: Ids with their times.
         count: Number of chunks.
         window: Window geometry.
-        fold_case: Normalise words as the corpus did; the published text input only strips
-            punctuation, so that "Hello" is unknown where "hello" is known.
         timed: Words on their onset frames; False spreads a chunk's words evenly.
     """
     rows = np.zeros((count, window.frames), dtype=np.int64)
-    if not words:
-        logger.warning("no transcript: every word is padding")
-        return torch.from_numpy(rows)
-    starts = np.array([word.start for word in words])
-    ends = np.array([word.end for word in words])
-    texts = [word.text if fold_case else word.text.strip(PUNCTUATION) for word in words]
-    ids = np.array([vocabulary.encode(text, fold_case=fold_case) for text in texts])
-    unknown = sorted({text for text, word_id in zip(texts, ids, strict=True) if word_id == UNK})
-    if unknown:
-        logger.warning(
-            "%d distinct words are not in the vocabulary: %s%s",
-            len(unknown),
-            ", ".join(unknown[:5]),
-            " ..." if len(unknown) > 5 else "",
-        )
     for chunk, row in enumerate(rows):
         begin = chunk * (window.frames - window.seed_frames) / window.fps
-        inside = (starts < begin + window.frames / window.fps) & (ends > begin)
+        inside = (words.starts < begin + window.frames / window.fps) & (words.ends > begin)
+        ids = words.ids[inside]
         row[:] = (
-            frame_aligned_words(starts[inside], ids[inside], begin, window.frames, window.fps)
+            frame_aligned_words(words.starts[inside], ids, begin, window.frames, window.fps)
             if timed
-            else evenly_placed_words(ids[inside], window.frames)
+            else evenly_placed_words(ids, window.frames)
         )
     return torch.from_numpy(rows)
 

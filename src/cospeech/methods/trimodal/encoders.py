@@ -165,8 +165,20 @@ class TextEncoder(nn.Module):
         nn.init.normal_(self.decoder.weight, 0, 0.01)
         nn.init.zeros_(self.decoder.bias)
 
-    def forward(self, words: Tensor) -> Tensor:
-        """Word ids ``(B, T)`` to features ``(B, T, 32)``."""
-        vectors = self.dropout(self.embedding(words))
+    def forward(self, words: Tensor, extra_vectors: Tensor | None = None) -> Tensor:
+        """Word ids ``(B, T)`` to features ``(B, T, 32)``.
+
+        ``extra_vectors`` ``(E, word_size)`` are the vectors of ids from the size of the table on:
+        words that the table has no row for.
+        """
+        vectors = self.dropout(self._look_up(words, extra_vectors))
         features = self.tcn(vectors.transpose(1, 2)).transpose(1, 2)
         return cast(Tensor, self.decoder(features))
+
+    def _look_up(self, words: Tensor, extra_vectors: Tensor | None) -> Tensor:
+        if extra_vectors is None:
+            return cast(Tensor, self.embedding(words))
+        size = self.embedding.num_embeddings
+        extra = functional.embedding((words - size).clamp(min=0), extra_vectors)
+        known = self.embedding(words.clamp(max=size - 1))
+        return torch.where((words >= size).unsqueeze(-1), extra, known)

@@ -16,7 +16,7 @@ from cospeech.adversarial.losses import NON_SATURATING
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import ConfigError, CospeechError, InputFileError
+from cospeech.errors import ConfigError, CospeechError
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
 from cospeech.methods.trimodal.losses import (
@@ -36,6 +36,7 @@ from cospeech.methods.trimodal.synthesis import (
     draw_noise,
     draw_speakers,
 )
+from cospeech.methods.trimodal.words import WordVectorFile, check_dimensions
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
@@ -51,8 +52,9 @@ WordTiming = Literal["onset", "even"]
 class Trimodal(GestureMethod):
     """GAN of Yoon et al. 2020: text, audio and a style embedding of speakers to upper-body motion.
 
-    Defaults are the published code's, quirks included (the README lists them); each argument that
-    defaults to False turns one quirk off.
+    Defaults are the published code's, quirks included (the README lists them), but for the words of
+    a transcript: each argument that defaults to False turns one quirk off, and ``fold_case`` and
+    ``subwords``, which change nothing in training, bring one back when False.
 
     Reads positions, audio, words and speakers. Logs, unweighted, ``train/huber``,
     ``train/diversity``, ``train/kld``, ``train/adversarial``, ``train/discriminator`` and the
@@ -72,7 +74,9 @@ class Trimodal(GestureMethod):
         embedding_dropout: On word vectors.
         word_embedding: ``"fine_tune"`` or ``"frozen"`` pre-trained vectors, or ``"scratch"``.
         word_vectors: fastText file (.bin or .vec) to start from, read when training starts; None
-            starts from N(0, 1/300).
+            starts from N(0, 1/300). The vectors are then in the checkpoint; ``generate`` looks into
+            the file for further words where it still exists, else it goes without.
+            ``load_from_checkpoint(path, word_vectors=...)`` names it anew.
         huber_weight: Weight of the reconstruction loss.
         adversarial_weight: Weight of the adversarial loss.
         diversity_weight: Weight of the diversity loss; 0 switches the KLD off too, as published.
@@ -87,7 +91,11 @@ class Trimodal(GestureMethod):
         fixed_style: One style sample per utterance instead of one per chunk.
         unit_length: Normalise generated direction vectors, so that bones keep their length.
         trained_speakers_only: Never draw the untrained row 0 when no speaker is asked for.
-        fold_case: Normalise transcripts as the corpus was before looking words up.
+        fold_case: Normalise transcripts as the corpus was before looking words up; False misses
+            "Hello" where "hello" is known, as published.
+        subwords: Words outside the vocabulary take their vectors from the file of ``word_vectors``,
+            composed of sub-words if it's a .bin file; False makes all of them the unknown word, as
+            published.
 
     Raises:
         ConfigError: A value that is not among the choices, or a word vector file with
@@ -123,7 +131,8 @@ class Trimodal(GestureMethod):
         fixed_style: bool = False,
         unit_length: bool = False,
         trained_speakers_only: bool = False,
-        fold_case: bool = False,
+        fold_case: bool = True,
+        subwords: bool = True,
     ) -> None:
         super().__init__()
         _check_choice("context", context, get_args(Context))
@@ -174,6 +183,9 @@ class Trimodal(GestureMethod):
         if word_embedding != "scratch":
             nn.init.normal_(embedding.weight, 0, embedding.embedding_dim**-0.5)
         embedding.weight.requires_grad_(word_embedding != "frozen")
+        self._vector_file: WordVectorFile | None = None
+        if word_vectors is not None and subwords and context != "audio":
+            self._vector_file = WordVectorFile(word_vectors, embedding.embedding_dim)
         self.adversary = Adversary(
             ConvDiscriminator(
                 self.window.frames, dropout=dropout, corrected_activations=corrected_activations
@@ -192,12 +204,7 @@ class Trimodal(GestureMethod):
         if self.word_vectors is not None:
             weight = self.generator.text_encoder.embedding.weight
             vectors = load_word_vectors(self.word_vectors, self.vocabulary.words, seed=0)
-            if vectors.shape != weight.shape:
-                raise InputFileError(
-                    self.word_vectors,
-                    f"vectors of {vectors.shape[1]} numbers, the method uses {weight.shape[1]}",
-                    hint="use 300-dimensional vectors such as crawl-300d-2M-subword",
-                )
+            check_dimensions(self.word_vectors, vectors.shape[1], weight.shape[1])
             weight.data.copy_(torch.from_numpy(vectors))
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
@@ -321,7 +328,8 @@ class Trimodal(GestureMethod):
         """Motion for speech of any length, chunk by chunk (section 3.3; spec 5).
 
         Chunks of 34 frames start every 30; each takes the last four frames of the one before as
-        seeds, and the overlap is blended. Without a transcript the words are padding.
+        seeds, and the overlap is blended. Without a transcript the words are padding. Words outside
+        the vocabulary are logged; see ``subwords`` for what becomes of them.
 
         Args:
             speech: Waveform and words.
@@ -336,8 +344,8 @@ class Trimodal(GestureMethod):
             ``ceil(duration * 15)`` frames, root-relative.
 
         Raises:
-            CospeechError: An unknown speaker or control, an unusable seed motion, or a waveform
-                with NaN.
+            CospeechError: An unknown speaker or control, an unusable seed motion, a waveform with
+                NaN, or a word vector file that is there but can't be read.
         """
         if generator is None:
             generator = torch.Generator().manual_seed(0)
@@ -347,6 +355,7 @@ class Trimodal(GestureMethod):
                 self.codec,
                 self.window,
                 self.vocabulary,
+                self._vector_file,
                 self.speakers,
                 self.options,
             )

@@ -145,16 +145,19 @@ class Generator(nn.Module):
             None if posterior is None else posterior.logvar,
         )
 
-    def encode_speech(self, words: Tensor, audio: Tensor) -> Tensor:
+    def encode_speech(
+        self, words: Tensor, audio: Tensor, extra_vectors: Tensor | None = None
+    ) -> Tensor:
         """Features ``(B, T, 64)`` of the modalities in use, audio first (32 for one modality).
 
-        The published code runs the unused encoder too; its result goes nowhere.
+        The published code runs the unused encoder too; its result goes nowhere. For
+        ``extra_vectors`` see `TextEncoder.forward`.
         """
         features = []
         if self.context != "text":
             features.append(self.audio_encoder(audio))
         if self.context != "audio":
-            features.append(self.text_encoder(words))
+            features.append(self.text_encoder(words, extra_vectors))
         return torch.cat(features, dim=-1)
 
     def style_posterior(self, speakers: Tensor) -> Posterior:

@@ -22,6 +22,7 @@ from cospeech.methods.trimodal.chunks import (
 )
 from cospeech.methods.trimodal.networks import POSE_SIZE, Generator
 from cospeech.methods.trimodal.style import StyleRequest, read_style_request
+from cospeech.methods.trimodal.words import WordVectorFile, encode_words
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
@@ -62,6 +63,7 @@ class Synthesiser:
         codec: Way back to positions.
         window: Chunk geometry.
         vocabulary: Word ids.
+        vector_file: Vectors of words outside the vocabulary; None if there is no such file.
         speakers: Training speakers; speaker i has id i + 1.
         options: Quirks on or off.
     """
@@ -70,6 +72,7 @@ class Synthesiser:
     codec: DirectionVectorCodec
     window: WindowSpec
     vocabulary: Vocabulary
+    vector_file: WordVectorFile | None
     speakers: list[str]
     options: SynthesisOptions
 
@@ -95,22 +98,20 @@ class Synthesiser:
             seeds = self.codec.encode(positions.to(device))
         samples = len(speech.waveform)
         count = chunk_count(samples, self.window)
-        words = cut_words(
-            speech.words,
-            self.vocabulary,
-            count,
-            self.window,
-            fold_case=self.options.fold_case,
-            timed=self.options.word_timing == "onset",
+        words = encode_words(
+            speech.words, self.vocabulary, self.vector_file, fold_case=self.options.fold_case
         )
+        rows = cut_words(words, count, self.window, timed=self.options.word_timing == "onset")
+        extra = words.extra_vectors
         waveform = torch.tensor(speech.waveform, dtype=torch.float32)
         chunks = decode_chunks(
             self.network,
-            words.to(device),
+            rows.to(device),
             cut_audio(waveform, count, self.window).to(device),
             self._styles(request, count, generator, device),
             seeds,
             seed_frames,
+            None if extra is None else torch.from_numpy(extra).to(device),
         )
         features = stitch(chunks, seed_frames)[: covering_frames(samples, self.window.fps)]
         positions = self.codec.decode(features, unit_length=self.options.unit_length)
@@ -159,6 +160,7 @@ def decode_chunks(
     styles: Tensor | None,
     seeds: Tensor | None,
     seed_frames: int,
+    extra_vectors: Tensor | None = None,
 ) -> Tensor:
     """Poses of consecutive chunks, each continuing from the raw end of the one before.
 
@@ -169,6 +171,7 @@ def decode_chunks(
         styles: ``(C, style_size)``, one style per chunk; None for a generator without style.
         seeds: ``(seed_frames, 27)`` features that the first chunk continues from, or None.
         seed_frames: Frames a chunk takes from the one before.
+        extra_vectors: ``(E, word_size)`` of the ids beyond the vocabulary.
 
     Returns:
         ``(C, T, 27)``.
@@ -178,7 +181,7 @@ def decode_chunks(
     for first in range(0, len(words), CHUNKS_AT_ONCE):
         group = slice(first, first + CHUNKS_AT_ONCE)
         # Only the decoder needs the chunk before; speech is encoded for many chunks at once.
-        speech = generator.encode_speech(words[group], audio[group])
+        speech = generator.encode_speech(words[group], audio[group], extra_vectors)
         for offset, features in enumerate(speech.split(1)):
             style = None if styles is None else styles[first + offset].unsqueeze(0)
             poses = generator.decode(seed_input(previous, words.shape[1]), features, style)

@@ -1,0 +1,87 @@
+"""Reading a corpus's sources, in this process or in several, always in the same order."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
+
+from cospeech.corpus.packing import PackedSource, pack_source
+from cospeech.corpus.source import Source
+from cospeech.errors import CospeechError
+from cospeech.motion.joint_map import JointMap
+
+logger = logging.getLogger(__name__)
+
+WORTH_A_PROCESS_BYTES = 64 << 20
+"""Corpora smaller than this are read faster than a second Python starts."""
+
+AHEAD = 2
+"""Sources in work per process: what waits for its turn is held in memory."""
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def sensible_workers(sources: Iterable[Source]) -> int:
+    """Processes worth starting for these sources: one per core, or only this one."""
+    files = {path for source in sources for path in source.files}
+    size = sum(path.stat().st_size for path in files if path.exists())
+    return usable_cores() if size >= WORTH_A_PROCESS_BYTES else 1
+
+
+def packed_sources(
+    sources: Iterable[Source],
+    joint_map: JointMap | None,
+    upper_body: bool,
+    workers: int,
+) -> Iterator[PackedSource]:
+    """Sources as they come out of `pack_source`, in their order whatever the number of workers.
+
+    Args:
+        sources: What to read.
+        joint_map: Where the evaluation joints are; found by the joints' names when None.
+        upper_body: Whether the corpus has the ten evaluation joints.
+        workers: Processes; 1 reads in this one.
+
+    Raises:
+        CospeechError: A worker process died.
+    """
+    if workers <= 1:
+        for source in sources:
+            yield pack_source(source, joint_map, upper_body)
+        return
+    # Spawned, not forked: a fork beside torch's threads can hang.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_leave_ctrl_c_to_the_parent)
+    remaining = iter(sources)
+    waiting: deque[tuple[str, Future[PackedSource]]] = deque()
+    try:
+        while True:
+            for source in islice(remaining, AHEAD * workers - len(waiting)):
+                waiting.append((source.id, pool.submit(pack_source, source, joint_map, upper_body)))
+            if not waiting:
+                return
+            source_id, future = waiting.popleft()
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                raise CospeechError(
+                    f"a process that was reading {source_id} or one of the next was killed, most"
+                    " likely for lack of memory",
+                    "start again with fewer: data.workers=1; what is done is kept",
+                ) from None
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_ctrl_c_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,44 @@
+"""What a reader finds in a corpus: sources, each opened when its turn comes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from cospeech.corpus.recording import Recording
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Something of a source that was left out, and why.
+
+    Attributes:
+        id: The recording it would have been.
+        reason: A sentence for the person who owns the data: what was wrong, where.
+        kind: The reason in a word or two, the same for all of its kind, for counting.
+        is_fault: The data is damaged or doesn't fit, rather than left out by a rule of the corpus;
+            such a thing stops the preparation where the user wants it strict.
+    """
+
+    id: str
+    reason: str
+    kind: str
+    is_fault: bool = False
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file, a group of files or a database value that yields recordings when read.
+
+    Attributes:
+        id: Unique in the corpus.
+        read: Opens it and yields its recordings, in a fixed order. Called in another process where
+            the corpus is prepared in parallel, so it is a `functools.partial` of a module's
+            function with plain arguments.
+        files: Every file it reads; their names, sizes and times make the corpus's fingerprint.
+    """
+
+    id: str
+    read: Callable[[], Iterable[Recording | Dropped]]
+    files: tuple[Path, ...]

@@ -1,0 +1,174 @@
+"""Word times that can't be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cospeech.doctor.audio import LEVEL_HZ, SILENT_DB, level_db
+from cospeech.doctor.findings import Check, Files, Finding, Severity
+from cospeech.doctor.stretches import word_intervals
+from cospeech.speech.speech import Speech, Word
+
+BEYOND_S, FAR_BEYOND_S = 0.1, 0.5
+"""How far words may reach over an end of the audio, s: aligners round, and cut clips keep the word
+they were cut in. The second is an error."""
+
+RATE_WINDOW_S = 5.0
+"""Stretch over which words are counted, s: long enough to hold a breath."""
+
+FAST_WORDS_PER_S, IMPOSSIBLE_WORDS_PER_S = 6.0, 8.0
+"""Words per second over `RATE_WINDOW_S`. Conversation has 2 to 4, fast readers 5 to 6; auctioneers
+reach 8 for a moment."""
+
+LONGEST_WORD_S = 4.0
+"""A longer word swallowed a pause."""
+
+TIME_UNITS: tuple[tuple[float, str], ...] = (
+    (1e3, "milliseconds"),
+    (1e2, "hundredths of a second"),
+    (1e7, "HTK's units of 100 ns"),
+    (16000.0, "samples at 16 kHz"),
+    (44100.0, "samples at 44.1 kHz"),
+    (48000.0, "samples at 48 kHz"),
+)
+"""Units per second of word times that are not seconds."""
+
+SPEAKING_RANGE_DB = 20.0
+"""Speech and its pauses lie this far apart in level; a hum or noise alone does not."""
+
+
+def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list[Finding]:
+    """Words outside the audio.
+
+    Args:
+        words: Before anything is cut.
+        audio_s: Length of the audio, s.
+        files: What to call them.
+    """
+    if not words:
+        return []
+    times = word_intervals(words)
+    last, first = float(times.max()), float(times.min())
+    if last > 1.5 * audio_s + 60:
+        for per_second, unit in TIME_UNITS:
+            if 0.5 * audio_s < last / per_second < audio_s + FAR_BEYOND_S:
+                return [
+                    Finding(
+                        Check.WORD_TIMES,
+                        Severity.ERROR,
+                        files.words,
+                        None,
+                        f"the last word ends at {last:g}, the audio at {audio_s:.2f} s: the times"
+                        f" are {unit}",
+                        f"divide them by {per_second:g}",
+                    )
+                ]
+    findings = []
+    beyond = np.flatnonzero(times[:, 1] > audio_s + BEYOND_S)
+    if len(beyond):
+        severity = Severity.ERROR if last > audio_s + FAR_BEYOND_S else Severity.WARNING
+        findings.append(
+            Finding(
+                Check.WORD_TIMES,
+                severity,
+                files.words,
+                float(times[beyond[0], 0]),
+                f"{len(beyond)} words, from {words[beyond[0]].text!r} on, end after the audio"
+                f" ({audio_s:.2f} s); the last one at {last:.2f} s",
+                "check that the transcript belongs to this audio and that the audio is not cut off",
+            )
+        )
+    if first < -BEYOND_S:
+        findings.append(
+            Finding(
+                Check.WORD_TIMES,
+                Severity.ERROR if first < -FAR_BEYOND_S else Severity.WARNING,
+                files.words,
+                first,
+                f"{int((times[:, 0] < -BEYOND_S).sum())} words start before the audio, the first at"
+                f" {first:.2f} s",
+                "take the offset of the cut out of the word times",
+            )
+        )
+    return findings
+
+
+def check_word_rate(speech: Speech, files: Files, is_dialogue: bool) -> list[Finding]:
+    """Words that are missing, out of order, too many, or too long.
+
+    Args:
+        speech: Words and, where there is any, audio.
+        files: What to call them.
+        is_dialogue: Whether the recording is one side of a dialogue, who may well say nothing.
+    """
+    if speech.words is None:
+        return []
+    if not speech.words:
+        return _no_words(speech, files, is_dialogue)
+    times = word_intervals(speech.words)
+    findings = []
+    backward = np.flatnonzero(times[:, 1] < times[:, 0])
+    unordered = np.flatnonzero(np.diff(times[:, 0]) < 0) + 1
+    for wrong, what in ((backward, "end before they start"), (unordered, "are out of order")):
+        if len(wrong):
+            findings.append(
+                Finding(
+                    Check.WORD_TIMES,
+                    Severity.ERROR,
+                    files.words,
+                    float(times[wrong[0], 0]),
+                    f"{len(wrong)} words {what}, first {speech.words[wrong[0]].text!r}",
+                    "repair or re-align the transcript",
+                )
+            )
+    # Measured from each word to the one that a fast talker would reach in the window.
+    starts = np.sort(times[:, 0])
+    count = int(FAST_WORDS_PER_S * RATE_WINDOW_S)
+    if len(starts) > count:
+        spans = starts[count:] - starts[:-count]
+        fastest = int(spans.argmin())
+        rate = count / max(float(spans[fastest]), 1e-3)
+        if rate > FAST_WORDS_PER_S:
+            findings.append(
+                Finding(
+                    Check.WORD_TIMES,
+                    Severity.ERROR if rate > IMPOSSIBLE_WORDS_PER_S else Severity.WARNING,
+                    files.words,
+                    float(starts[fastest]),
+                    f"{count} words within {spans[fastest]:.2f} s: {rate:.1f} words per second",
+                    "check the unit and the scale of the word times, or re-align the transcript",
+                )
+            )
+    long = np.flatnonzero(times[:, 1] - times[:, 0] > LONGEST_WORD_S)
+    if len(long):
+        findings.append(
+            Finding(
+                Check.WORD_TIMES,
+                Severity.WARNING,
+                files.words,
+                float(times[long[0], 0]),
+                f"{len(long)} words last over {LONGEST_WORD_S:g} s, first"
+                f" {speech.words[long[0]].text!r}",
+                "the aligner lost its place there: re-align, or leave the stretch out",
+            )
+        )
+    return findings
+
+
+def _no_words(speech: Speech, files: Files, is_dialogue: bool) -> list[Finding]:
+    level = level_db(speech.waveform)
+    speaks = len(level) >= LEVEL_HZ and np.percentile(level, 95) > max(
+        SILENT_DB, np.percentile(level, 5) + SPEAKING_RANGE_DB
+    )
+    return [
+        Finding(
+            Check.WORD_TIMES,
+            Severity.ERROR if speaks and not is_dialogue else Severity.WARNING,
+            files.words,
+            None,
+            "the transcript is empty" + (", but somebody speaks" if speaks else ""),
+            "transcribe the audio again; with no transcript at all the audio is used alone",
+        )
+    ]

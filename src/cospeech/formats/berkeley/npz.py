@@ -1,0 +1,255 @@
+"""Arrays of an ``.npz`` file row by row: nothing is loaded whole, nothing is ever unpickled."""
+
+from __future__ import annotations
+
+import ast
+import io
+import math
+import re
+import struct
+import weakref
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.errors import InputFileError
+
+MAX_MEMBERS = 64
+MAX_HEADER_BYTES = 10_000
+MAX_READ_BYTES = 2**28
+"""Largest piece of an array that one call returns."""
+MAX_EXPANSION = 200
+"""How many times its size a large compressed array may grow: measured floats don't pack better."""
+
+_LARGE_BYTES = 2**28
+_LARGEST_RAW_READ = 2**24
+_MAGIC = b"\x93NUMPY"
+_DTYPE = re.compile(r"[<>|=]?[fiub][1248]|[<>|=]?[US]\d{1,5}")
+_LOCAL_HEADER = struct.Struct("<4s22xHH")
+
+
+@dataclass(frozen=True)
+class ArrayInfo:
+    """One array of the file.
+
+    Attributes:
+        shape: Its shape, as its header says and the member's size confirms.
+        dtype: Numbers or fixed-width text.
+        start: Bytes from the member's start to the first value.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    start: int
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of one entry along the first axis."""
+        return math.prod(self.shape[1:]) * self.dtype.itemsize
+
+
+class NpzReader:
+    """An open ``.npz``; close it or use it in a ``with``.
+
+    An array stored as it is (`numpy.savez`) is read at the rows asked for. A compressed one
+    (`numpy.savez_compressed`) is unpacked up to them, and further from there by the next call, so
+    reading rows in ascending order unpacks it once.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputFileError: It is absent or not an ``.npz``, or its directory can't be trusted.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        try:
+            file = _BoundedReader(self.path)
+        except OSError as error:
+            raise InputFileError(self.path, f"can't be read ({error.strerror})") from error
+        self._file = file
+        self._close = weakref.finalize(self, file.close)
+        with self._understood("its directory"):
+            self._zip = zipfile.ZipFile(file)
+        self._members: dict[str, zipfile.ZipInfo] = {}
+        members = self._zip.infolist()
+        if len(members) > MAX_MEMBERS:
+            raise self._wrong(f"holds {len(members)} members; {MAX_MEMBERS} are plausible")
+        for member in members:
+            name = member.filename.removesuffix(".npy")
+            if name in self._members:
+                raise self._wrong(f"holds two arrays called {name!r}")
+            self._members[name] = member
+        self._infos: dict[str, ArrayInfo] = {}
+        self._starts: dict[str, int] = {}
+        self._unpacking: dict[str, IO[bytes]] = {}
+
+    def close(self) -> None:
+        """Close the file."""
+        self._close()
+
+    def __enter__(self) -> NpzReader:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the arrays, as in the file."""
+        return list(self._members)
+
+    def info(self, name: str) -> ArrayInfo:
+        """Shape and type of an array.
+
+        Raises:
+            InputFileError: There is no such array, its header is none of a plain array, it holds
+                Python objects, or it isn't as long as its header says.
+        """
+        if name not in self._infos:
+            self._infos[name] = self._checked_info(name)
+        return self._infos[name]
+
+    def rows(self, name: str, start: int, stop: int) -> NDArray[Any]:
+        """Entries ``start`` to ``stop`` (exclusive) along an array's first axis.
+
+        Raises:
+            InputFileError: As `info`; or the file is cut off or damaged there.
+            ValueError: The rows aren't in the array, or are more than `MAX_READ_BYTES`.
+        """
+        info = self.info(name)
+        if not info.shape or not 0 <= start <= stop <= info.shape[0]:
+            raise ValueError(f"rows {start} to {stop} of an array of shape {info.shape}")
+        count = (stop - start) * info.row_bytes
+        if count > MAX_READ_BYTES:
+            raise ValueError(f"{count} bytes at once; at most {MAX_READ_BYTES}")
+        place = f"array {name!r}, rows {start} to {stop}"
+        with self._understood(place):
+            stream = self._stream(name)
+            stream.seek(self._stored_start(name) + info.start + start * info.row_bytes)
+            # A bytearray, not bytes: the array may be changed in place.
+            buffer = bytearray(count)
+            view, filled = memoryview(buffer), 0
+            while filled < count and (read := stream.readinto(view[filled:])):  # type: ignore[attr-defined]
+                filled += read
+        if filled < count:
+            raise self._wrong("the file is cut off", place)
+        values = np.frombuffer(buffer, dtype=info.dtype)
+        return values.reshape(stop - start, *info.shape[1:])
+
+    def _stream(self, name: str) -> IO[bytes]:
+        if self._members[name].compress_type == zipfile.ZIP_STORED:
+            return self._file
+        if name not in self._unpacking:
+            self._unpacking[name] = self._zip.open(self._members[name])
+        return self._unpacking[name]
+
+    def _stored_start(self, name: str) -> int:
+        """Where a stored member's bytes start in the file; 0 for a compressed one's stream."""
+        member = self._members[name]
+        if member.compress_type != zipfile.ZIP_STORED:
+            return 0
+        if name not in self._starts:
+            self._file.seek(member.header_offset)
+            head = self._file.read(_LOCAL_HEADER.size)
+            _, name_bytes, extra_bytes = _LOCAL_HEADER.unpack(head)
+            start = member.header_offset + _LOCAL_HEADER.size + name_bytes + extra_bytes
+            self._starts[name] = start
+        return self._starts[name]
+
+    def _checked_info(self, name: str) -> ArrayInfo:
+        if name not in self._members:
+            raise self._wrong(
+                f"has no array {name!r}; it has {', '.join(sorted(self._members)) or 'none'}"
+            )
+        member, place = self._members[name], f"array {name!r}"
+        packed, size = member.compress_size, member.file_size
+        if member.flag_bits & 1:
+            raise self._wrong("is encrypted", place)
+        if size > _LARGE_BYTES and size > MAX_EXPANSION * packed:
+            raise self._wrong(f"{packed} bytes would become {size}: not measured data", place)
+        with self._understood(place), self._zip.open(member) as stream:
+            shape, dtype, start = self._header(stream, place)
+        if start + math.prod(shape) * dtype.itemsize != size:
+            raise self._wrong(
+                f"claims the shape {shape} of {dtype}, which is not the {size} bytes it has", place
+            )
+        return ArrayInfo(shape, dtype, start)
+
+    def _header(self, stream: IO[bytes], place: str) -> tuple[tuple[int, ...], np.dtype[Any], int]:
+        head = stream.read(8)
+        if len(head) < 8 or head[:6] != _MAGIC or head[6:] not in (b"\x01\x00", b"\x02\x00"):
+            raise self._wrong("is not a numpy array of format 1.0 or 2.0", place)
+        width = 2 if head[6] == 1 else 4
+        length = int.from_bytes(stream.read(width), "little")
+        if length > MAX_HEADER_BYTES:
+            raise self._wrong(f"has a header of {length} bytes", place)
+        text = stream.read(length).decode("latin1")
+        try:
+            # Python 2 wrote its long integers as 64L.
+            values = ast.literal_eval(re.sub(r"(?<=\d)L\b", "", text).strip())
+            descr, fortran, shape = (values[k] for k in ("descr", "fortran_order", "shape"))
+            shape = tuple(shape)
+        except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError) as error:
+            raise self._wrong("its array header can't be read", place) from error
+        if isinstance(descr, str) and "O" in descr:
+            raise self._wrong(
+                "holds Python objects, which only unpickling could read, and that is never done:"
+                " it can run code",
+                place,
+                "ask for the array as numbers or fixed-width text",
+            )
+        if not isinstance(descr, str) or not _DTYPE.fullmatch(descr):
+            raise self._wrong(f"holds values of the type {str(descr)[:80]}", place)
+        if not all(type(size) is int and 0 <= size < 2**48 for size in shape) or len(shape) > 8:
+            raise self._wrong(f"claims the shape {str(shape)[:80]}", place)
+        if fortran and len(shape) > 1:
+            raise self._wrong(
+                "is stored column by column (Fortran order), which can't be read item by item",
+                place,
+                "save it again with numpy.ascontiguousarray",
+            )
+        return shape, np.dtype(descr), 8 + width + length
+
+    @contextmanager
+    def _understood(self, place: str) -> Iterator[None]:
+        try:
+            yield
+        except (zipfile.BadZipFile, zlib.error, EOFError, struct.error, UnicodeError) as error:
+            raise self._wrong(f"is damaged ({error})", place) from error
+        except (NotImplementedError, RuntimeError) as error:
+            raise self._wrong(f"can't be unpacked ({error})", place) from error
+        except OSError as error:
+            raise self._wrong(f"can't be read ({error.strerror or error})", place) from error
+        except (ValueError, OverflowError) as error:
+            raise self._wrong(f"its directory is damaged ({error})", place) from error
+
+    def _wrong(
+        self, problem: str, place: str | None = None, hint: str | None = None
+    ) -> InputFileError:
+        if hint is None and ("damaged" in problem or "cut off" in problem):
+            hint = "download it again"
+        return InputFileError(self.path, problem, place, hint)
+
+
+class _BoundedReader(io.BufferedReader):
+    """A file from which no claim in it makes anyone read more than a few megabytes at once."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is None or size < 0 or size > _LARGEST_RAW_READ:
+            size = _LARGEST_RAW_READ + 1
+        data = super().read(size)
+        if len(data) > _LARGEST_RAW_READ:
+            raise zipfile.BadZipFile("its directory claims to be larger than 16 MB")
+        return data

@@ -1,0 +1,201 @@
+"""Finding takes: files belong together when their stems are equal."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.formats.mocap.takes import Take
+
+AUDIO_SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")
+TRANSCRIPT_SUFFIXES = (".textgrid", ".json", ".tsv", ".ctm", ".srt", ".vtt", ".txt")
+"""Both in order of preference, when a take has several."""
+PHASE_SUFFIXES = (".anvil", ".eaf", ".phases.csv")
+MAX_FILES = 1_000_000
+
+MissingAudio: TypeAlias = Literal["skip", "silence"]
+
+_ROLE = re.compile(
+    r"audios?|wavs?|wave|speech|sound|motions?|bvhs?|mocap|transcripts?|texts?|txt|tsv|json|textgrids?"
+    r"|phases?|annotations?",
+    re.IGNORECASE,
+)
+_Key: TypeAlias = tuple[tuple[str, ...], str]
+
+
+def find_takes(
+    root: str | Path,
+    *,
+    speaker: str = "folder",
+    missing_audio: MissingAudio = "skip",
+    transcripts: Sequence[str] = TRANSCRIPT_SUFFIXES,
+) -> list[Take]:
+    r"""The takes below a folder, by their paths alone: no file is opened.
+
+    Args:
+        root: The folder, searched with all its subfolders; hidden files and folders are left out.
+        speaker: Where a take's speaker is named. ``"folder"``: the nearest folder above the file
+            that isn't one of the ``Audio``/``Motion`` kind, at last ``root`` itself. ``"prefix"``:
+            the file name up to its first ``_`` or ``-``. Else a regular expression with a group,
+            searched in the path below ``root``: ``"^(\w+)/"``, ``"_(?P<speaker>[a-z]+)_"``.
+        missing_audio: What becomes of motion without audio. ``"skip"``: it has a ``problem``.
+            ``"silence"``: it is read with silence of its length.
+        transcripts: Suffixes of transcripts, the preferred first.
+
+    Returns:
+        Takes sorted by id. One that can't be used is listed with its ``problem``.
+
+    Raises:
+        CospeechError: The folder is absent, holds no BVH or audio at all, or an argument is none of
+            its choices.
+    """
+    root = Path(root)
+    if missing_audio not in ("skip", "silence"):
+        raise ConfigError(f"missing_audio={missing_audio}: choose skip or silence")
+    speaker_of = _speaker_rule(speaker, root)
+    found = _files_by_key(root, transcripts)
+    _join_lone_stems(found)
+    stems = Counter(stem for (_, stem), kinds in found.items() if _is_take(kinds))
+    takes, ids = [], Counter[str]()
+    audio_names = sorted({kinds["audio"].name for kinds in found.values() if "audio" in kinds})
+    for (folders, stem), kinds in sorted(found.items()):
+        if not _is_take(kinds):
+            continue
+        path = kinds.get("motion") or kinds["audio"]
+        name = path.stem if stems[stem] == 1 else "-".join((*folders, path.stem))
+        name = re.sub(r"[^\w.-]|[^\x00-\x7f]", "_", name)
+        ids[name.lower()] += 1
+        if ids[name.lower()] > 1:
+            name = f"{name}-{ids[name.lower()]}"
+        who = speaker_of(path)
+        problem = _missing(kinds, path.stem, audio_names, missing_audio)
+        if who is None:
+            problem = f"the speaker pattern {speaker!r} does not occur in {path.relative_to(root)}"
+        takes.append(
+            Take(
+                name,
+                who or "",
+                kinds.get("motion"),
+                kinds.get("audio"),
+                kinds.get("transcript"),
+                problem,
+                phases=kinds.get("phases"),
+            )
+        )
+    if not takes:
+        raise CospeechError(
+            f"no take below {root}: it has no .bvh and no {', '.join(AUDIO_SUFFIXES)} file",
+            hint="point data.root at the folder of the BVH and audio files, or of their folders",
+        )
+    return sorted(takes, key=lambda take: take.id)
+
+
+def files_named(root: str | Path, pattern: str) -> list[Path]:
+    """Files below a folder whose whole name fits a regular expression, case aside; sorted.
+
+    Raises:
+        CospeechError: The folder is absent or holds more than `MAX_FILES` files.
+    """
+    regex = re.compile(pattern, re.IGNORECASE)
+    return [path for path, _ in _walk(Path(root)) if regex.fullmatch(path.name)]
+
+
+def _walk(root: Path) -> list[tuple[Path, tuple[str, ...]]]:
+    """Files, none hidden, in a fixed order, each with its folders below the root."""
+    if not root.is_dir():
+        raise CospeechError(f"{root} is not a folder", hint="check the path (data.root)")
+    found: list[tuple[Path, tuple[str, ...]]] = []
+    for folder, folders, names in os.walk(root):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        parts = Path(folder).relative_to(root).parts
+        found += [(Path(folder, name), parts) for name in sorted(names) if not name.startswith(".")]
+        if len(found) > MAX_FILES:
+            raise CospeechError(
+                f"more than {MAX_FILES} files below {root}", hint="point data.root at one corpus"
+            )
+    return found
+
+
+def _files_by_key(root: Path, transcripts: Sequence[str]) -> dict[_Key, dict[str, Path]]:
+    """Paths by kind, for each stem in each folder that isn't one of the ``Audio`` kind."""
+    kinds_of = {".bvh": "motion"} | dict.fromkeys(AUDIO_SUFFIXES, "audio")
+    kinds_of |= dict.fromkeys(transcripts, "transcript") | dict.fromkeys(PHASE_SUFFIXES, "phases")
+    preference = {suffix: i for i, suffix in enumerate(kinds_of)}
+    best: dict[_Key, dict[str, Path]] = defaultdict(dict)
+    for path, parts in _walk(root):
+        suffix = _suffix(path)
+        if suffix not in kinds_of:
+            continue
+        where = tuple(part.lower() for part in parts if not _ROLE.fullmatch(part))
+        stem = path.name[: -len(suffix)].lower()
+        kinds, kind = best[where, stem], kinds_of[suffix]
+        old = kinds.get(kind)
+        if old is None or preference[suffix] < preference[_suffix(old)]:
+            kinds[kind] = path
+    return best
+
+
+def _suffix(path: Path) -> str:
+    name = path.name.lower()
+    return next((suffix for suffix in PHASE_SUFFIXES if name.endswith(suffix)), path.suffix.lower())
+
+
+def _join_lone_stems(found: dict[_Key, dict[str, Path]]) -> None:
+    """Bring together files of one stem that lie in unrelated folders, where that is unambiguous."""
+    by_stem: dict[str, list[_Key]] = defaultdict(list)
+    for key in found:
+        by_stem[key[1]].append(key)
+    for keys in by_stem.values():
+        for kind in ("audio", "transcript", "phases"):
+            having = [key for key in keys if kind in found[key]]
+            wanting = [key for key in keys if "motion" in found[key] and kind not in found[key]]
+            if len(having) == len(wanting) == 1:
+                found[wanting[0]][kind] = found[having[0]].pop(kind)
+
+
+def _is_take(kinds: dict[str, Path]) -> bool:
+    return "motion" in kinds or "audio" in kinds
+
+
+def _missing(
+    kinds: dict[str, Path], stem: str, audio_names: list[str], missing_audio: MissingAudio
+) -> str | None:
+    if "motion" not in kinds:
+        return f"no {stem}.bvh for {kinds['audio'].name}"
+    if "audio" not in kinds and missing_audio == "skip":
+        there = ", ".join(audio_names[:3]) + (" ..." if len(audio_names) > 3 else "")
+        suffixes = "/".join(AUDIO_SUFFIXES)
+        return f"no {stem}{suffixes} for {kinds['motion'].name}; audio found: {there or 'none'}"
+    return None
+
+
+def _speaker_rule(rule: str, root: Path) -> Callable[[Path], str | None]:
+    def by_folder(path: Path) -> str:
+        parts = path.relative_to(root).parts[:-1]
+        return next((p for p in reversed(parts) if not _ROLE.fullmatch(p)), root.resolve().name)
+
+    if rule == "folder":
+        return by_folder
+    if rule == "prefix":
+        return lambda path: re.split(r"[_-]", path.stem, maxsplit=1)[0]
+    try:
+        pattern = re.compile(rule)
+    except re.error as error:
+        raise CospeechError(f"speaker pattern {rule!r}: {error}") from error
+    if not pattern.groups:
+        raise CospeechError(
+            f"speaker={rule!r} is neither 'folder' nor 'prefix' nor a pattern with a group",
+            hint=r"for names such as 2_scott_0_1_1.bvh give '^\d+_([a-z]+)_'",
+        )
+    group: str | int = "speaker" if "speaker" in pattern.groupindex else 1
+
+    def by_pattern(path: Path) -> str | None:
+        match = pattern.search(path.relative_to(root).as_posix())
+        return match[group] if match else None
+
+    return by_pattern

@@ -1,0 +1,293 @@
+"""Reading takes: motion, audio and words on one clock."""
+
+from __future__ import annotations
+
+import functools
+import logging
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.corpus.recording import Recording
+from cospeech.corpus.source import Dropped, Source
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.formats.mocap.takes import Take, Voice
+from cospeech.formats.phase_files import read_phases
+from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
+from cospeech.motion.joint_map import JointMap, find_joint_map
+from cospeech.motion.motion import Motion
+from cospeech.motion.phases import frame_phases
+from cospeech.motion.upper_body import doubts_about, to_upper_body
+from cospeech.speech.audio import load_audio
+from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
+from cospeech.speech.transcript import read_transcript_with_timing, spread_text
+
+TOLERATED_S = 1.0
+TOLERATED_SHARE = 0.2
+
+_log = logging.getLogger(__name__)
+
+
+def take_sources(
+    takes: Iterable[Take],
+    *,
+    frame_rate: float | None = None,
+    unit_scale: float | None = None,
+    joint_map: JointMap | None = None,
+    licence: str = "",
+) -> list[Source]:
+    """A source per take, in the order of the takes.
+
+    Args:
+        takes: Of `find_takes` or of a corpus's own finder.
+        frame_rate: As for `read_take`, as the others.
+        unit_scale: Metres per BVH unit.
+        joint_map: Where the evaluation joints are.
+        licence: Licence of takes that have none of their own.
+    """
+    return [
+        Source(
+            take.id,
+            functools.partial(
+                _read_source,
+                take,
+                frame_rate=frame_rate,
+                unit_scale=unit_scale,
+                joint_map=joint_map,
+                licence=licence,
+            ),
+            take.files,
+        )
+        for take in takes
+    ]
+
+
+def _read_source(
+    take: Take,
+    frame_rate: float | None,
+    unit_scale: float | None,
+    joint_map: JointMap | None,
+    licence: str,
+) -> list[Recording | Dropped]:
+    if take.left_out is not None:
+        return [Dropped(take.id, take.problem or take.left_out, take.left_out)]
+    return [
+        read_take(
+            take,
+            frame_rate=frame_rate,
+            unit_scale=unit_scale,
+            joint_map=joint_map,
+            licence=licence,
+        )
+    ]
+
+
+def read_take(
+    take: Take,
+    *,
+    frame_rate: float | None = None,
+    unit_scale: float | None = None,
+    joint_map: JointMap | None = None,
+    licence: str = "",
+) -> Recording:
+    """Read a take's audio, motion and words, and bring them to one clock and one length.
+
+    Motion and audio start where the take's excerpt says; the longer is cut to the shorter. A
+    difference over one second and whatever looks wrong about the body (`doubts_about`) is noted in
+    ``annotations["warnings"]`` and logged. Without an audio file the speech is silence as long as
+    the motion, and ``annotations["silent"]`` is true.
+
+    Args:
+        take: From `find_takes` or a corpus's own finder.
+        frame_rate: Frames per second of the BVH rows, for files whose header is wrong.
+        unit_scale: Metres per BVH unit; by the joint map when None.
+        joint_map: Found by the skeleton's joints when None.
+        licence: Licence of the data, where the take has none of its own.
+
+    Returns:
+        Full-skeleton motion at its own rate; the skeleton is named after the joint map.
+
+    Raises:
+        CospeechError: The take has a ``problem``.
+        InputFileError: A file is broken, the skeleton has no joint map, an excerpt starts after the
+            end of its file, or audio and motion differ by more than a fifth of the longer.
+    """
+    if take.motion is None or take.problem is not None:
+        hint = None
+        if take.motion is not None and take.audio is None and take.left_out is None:
+            hint = (
+                "data.missing_audio=silence reads motion without audio, with silence in its place"
+            )
+        raise CospeechError(f"take {take.id} can't be read: {take.problem or 'no motion'}", hint)
+    warnings = list(take.warnings)
+    motion, first_frame, whole_frames, joint_map = _motion(
+        take, take.motion, frame_rate, unit_scale, joint_map
+    )
+    if take.published_rate is not None and abs(motion.fps - take.published_rate) > 0.01:
+        warnings.append(
+            f"{take.motion.name} is at {motion.fps:g} fps, the corpus was published at"
+            f" {take.published_rate:g}: a derived copy?"
+        )
+    annotations: dict[str, Any] = dict(take.annotations) | {"joint_map": joint_map.name}
+    if take.audio is None:
+        waveform = np.zeros(round(motion.duration * SAMPLE_RATE), np.float32)
+        annotations["silent"] = True
+        warnings.append(f"no audio for {take.motion.name}: silence as long as the motion")
+    else:
+        waveform = _audio(take, take.audio)
+    audio_s = len(waveform) / SAMPLE_RATE
+    warnings += _length_warnings(take.motion, motion, audio_s)
+    words = None
+    if take.transcript is not None:
+        words, timing = _words(take, take.transcript, audio_s, warnings)
+        annotations["word_timing"] = timing
+    shared_s = min(audio_s, motion.duration)
+    motion = motion.slice(0, max(1, round(shared_s * motion.fps)))
+    warnings += doubts_about(to_upper_body(motion, joint_map))
+    phases = None
+    if take.phases is not None:
+        labels = frame_phases(read_phases(take.phases), whole_frames, motion.fps)
+        phases = labels[first_frame : first_frame + len(motion)]
+    interlocutor = None
+    if take.interlocutor is not None:
+        interlocutor = _interlocutor(take, take.interlocutor, shared_s, warnings)
+    for warning in warnings:
+        _log.warning("take %s: %s", take.id, warning)
+    if warnings:
+        annotations["warnings"] = warnings
+    paths = (take.motion, take.audio, take.transcript, take.phases)
+    return Recording(
+        id=take.id,
+        speaker=take.speaker,
+        speech=Speech(waveform[: round(shared_s * SAMPLE_RATE)], _words_until(words, shared_s)),
+        motion=motion,
+        phases=phases,
+        annotations=annotations,
+        split=take.split,
+        source=" + ".join(path.name for path in paths if path is not None),
+        licence=take.licence or licence,
+        interlocutor=interlocutor,
+    )
+
+
+def _motion(
+    take: Take,
+    path: Path,
+    frame_rate: float | None,
+    unit_scale: float | None,
+    joint_map: JointMap | None,
+) -> tuple[Motion, int, int, JointMap]:
+    """The excerpt's motion, its first frame in the file, the file's frames, and the joint map."""
+    if joint_map is None:
+        try:
+            joint_map = find_joint_map(read_bvh_skeleton(path))
+        except InputFileError:
+            raise
+        except CospeechError as error:
+            raise InputFileError(path, error.problem, hint=error.hint) from error
+    whole = read_bvh(
+        path,
+        frame_rate=frame_rate,
+        unit_scale=joint_map.unit_scale if unit_scale is None else unit_scale,
+    )
+    start, duration = take.excerpt.motion_start, take.excerpt.duration
+    first = round(start * whole.fps)
+    stop = len(whole) if duration is None else round((start + duration) * whole.fps)
+    if not 0 <= first < min(stop, len(whole)):
+        raise _beyond_the_end(take, path, start, whole.duration)
+    motion = whole.slice(first, stop) if (first, stop) != (0, len(whole)) else whole
+    skeleton = replace(motion.skeleton, name=joint_map.name)
+    return replace(motion, skeleton=skeleton), first, len(whole), joint_map
+
+
+def _audio(take: Take, path: Path) -> NDArray[np.float32]:
+    """The excerpt's waveform."""
+    whole = load_audio(path)
+    start, duration = take.excerpt.audio_start, take.excerpt.duration
+    first = round(start * SAMPLE_RATE)
+    if not 0 <= first < len(whole):
+        raise _beyond_the_end(take, path, start, len(whole) / SAMPLE_RATE)
+    if first == 0 and duration is None:
+        return whole
+    stop = None if duration is None else first + round(duration * SAMPLE_RATE)
+    return whole[first:stop].copy()
+
+
+def _beyond_the_end(take: Take, path: Path, start_s: float, length_s: float) -> InputFileError:
+    tables = ", ".join(table.name for table in take.tables)
+    return InputFileError(
+        path,
+        f"recording {take.id} starts at {start_s:.2f} s of this file, which lasts {length_s:.2f} s",
+        hint=f"check the offset table ({tables})" if tables else "is it another cut of the take?",
+    )
+
+
+def _words(
+    take: Take, path: Path, audio_s: float, warnings: list[str]
+) -> tuple[tuple[Word, ...], str]:
+    """Words on the excerpt's clock, and how their times are known."""
+    start = take.excerpt.audio_start
+    if path.stat().st_size < 64 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf"):
+        warnings.append(f"{path.name} is empty: nobody speaks in this take")
+        return (), "words"
+    transcript = read_transcript_with_timing(path, start + audio_s)
+    words = [one for word in transcript.words for one in _single_words(word)]
+    end = words[-1].end - start
+    if take.excerpt.duration is None and end > audio_s + TOLERATED_S:
+        warnings.append(
+            f"{path.name} goes on to {end:.1f} s, the audio ends at {audio_s:.1f} s:"
+            " is it the transcript of this take?"
+        )
+    if start > 0:
+        words = [
+            Word(word.text, max(0.0, word.start - start), word.end - start)
+            for word in words
+            if word.end > start
+        ]
+    return tuple(words), transcript.timing
+
+
+def _single_words(word: Word) -> tuple[Word, ...]:
+    """GENEA's and Google's "words" can be two or three: "I am", "a lot."."""
+    if len(word.text.split()) < 2:
+        return (word,)
+    return spread_text(word.text, word.start, word.end) or (word,)
+
+
+def _interlocutor(take: Take, voice: Voice, shared_s: float, warnings: list[str]) -> Speech:
+    """The other speaker, cut or filled with silence to the take's length."""
+    waveform = _audio(take, voice.audio)
+    samples = round(shared_s * SAMPLE_RATE)
+    if abs(len(waveform) / SAMPLE_RATE - shared_s) > TOLERATED_S:
+        warnings.append(
+            f"the other speaker's {voice.audio.name} lasts {len(waveform) / SAMPLE_RATE:.2f} s,"
+            f" the take {shared_s:.2f} s; it was cut or filled with silence"
+        )
+    words = None
+    if voice.transcript is not None:
+        words, _ = _words(take, voice.transcript, len(waveform) / SAMPLE_RATE, warnings)
+    waveform = np.pad(waveform[:samples], (0, max(0, samples - len(waveform))))
+    return Speech(waveform, _words_until(words, shared_s))
+
+
+def _length_warnings(path: Path, motion: Motion, audio_s: float) -> list[str]:
+    difference = abs(motion.duration - audio_s)
+    lengths = f"the motion lasts {motion.duration:.2f} s, the audio {audio_s:.2f} s"
+    if difference > TOLERATED_SHARE * max(motion.duration, audio_s):
+        raise InputFileError(
+            path,
+            f"{lengths}: they can't be the same take",
+            hint=f"if they are, the {len(motion)} frames are at about"
+            f" {len(motion) / audio_s:.4g} fps and not {motion.fps:g}: set data.frame_rate",
+        )
+    return [f"{lengths}; the longer was cut"] if difference > TOLERATED_S else []
+
+
+def _words_until(words: Iterable[Word] | None, end_s: float) -> tuple[Word, ...] | None:
+    if words is None:
+        return None
+    return tuple(replace(word, end=min(word.end, end_s)) for word in words if word.start < end_s)

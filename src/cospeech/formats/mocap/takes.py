@@ -1,0 +1,117 @@
+"""A take: the files of one recording before any of them is opened."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cospeech.errors import CospeechError
+
+
+@dataclass(frozen=True)
+class Voice:
+    """The other side of a dialogue.
+
+    Attributes:
+        audio: The sound file, on the clock of the take's own audio.
+        transcript: Its words; None when there are none.
+    """
+
+    audio: Path
+    transcript: Path | None = None
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """The part of a take's files that is used, and how their clocks lie to each other.
+
+    Attributes:
+        motion_start: Second of the motion file at which the excerpt starts.
+        audio_start: Second of the audio file (and of its transcript) at the same moment.
+        duration: Length, s; None for all there is.
+    """
+
+    motion_start: float = 0.0
+    audio_start: float = 0.0
+    duration: float | None = None
+
+
+@dataclass(frozen=True)
+class Take:
+    """The files of one take, not yet opened.
+
+    Attributes:
+        id: Unique in the corpus; letters, digits, ``-``, ``_``, ``.``.
+        speaker: Speaker name.
+        motion: The BVH file.
+        audio: The sound file; None where the motion is to be read with silence.
+        transcript: The transcript; None when there is none.
+        problem: Why the take can't be used; None when it can.
+        left_out: In a word or two, where the corpus itself gives reason not to use the take (the
+            sentence is in ``problem``): it is dropped, and that is no mistake.
+        phases: Gesture-phase annotation on the motion's clock (ANVIL, ELAN or csv).
+        split: ``"train"``, ``"val"`` or ``"test"`` by the corpus's published split.
+        interlocutor: The other side of the dialogue.
+        excerpt: The part of the files that is used.
+        published_rate: Frames per second that the corpus was published at; a file at another rate
+            is read all the same, with a warning.
+        annotations: What is known about the take, as JSON values.
+        warnings: What its user should know, one sentence each.
+        licence: Licence of the corpus.
+        tables: Files that say something about the take (splits, offsets, speakers), so that a
+            change of theirs makes another corpus.
+    """
+
+    id: str
+    speaker: str
+    motion: Path | None
+    audio: Path | None
+    transcript: Path | None = None
+    problem: str | None = None
+    left_out: str | None = None
+    phases: Path | None = None
+    split: str | None = None
+    interlocutor: Voice | None = None
+    excerpt: Excerpt = Excerpt()
+    published_rate: float | None = None
+    annotations: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    licence: str = ""
+    tables: tuple[Path, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """The motion file, else the audio file."""
+        path = self.motion or self.audio
+        if path is None:
+            raise ValueError(f"take {self.id} has no file")
+        return path
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that reading the take opens, and the tables it was found by."""
+        other = self.interlocutor
+        paths = [self.motion, self.audio, self.transcript, self.phases]
+        paths += [] if other is None else [other.audio, other.transcript]
+        return (*(path for path in paths if path is not None), *self.tables)
+
+
+def checked_ids(takes: Iterable[Take]) -> list[Take]:
+    """Takes sorted by id.
+
+    Raises:
+        CospeechError: Two takes have one id, as when a copy of a corpus lies inside it.
+    """
+    by_id: dict[str, list[Take]] = defaultdict(list)
+    for take in takes:
+        by_id[take.id].append(take)
+    for name, same in by_id.items():
+        if len(same) > 1:
+            raise CospeechError(
+                f"two files are recording {name}: {same[0].path} and {same[1].path}",
+                hint="point data.root at one copy of the corpus",
+            )
+    return [by_id[name][0] for name in sorted(by_id)]

@@ -1,0 +1,119 @@
+"""Reading the gesture phases of one annotation file."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from cospeech.errors import InputFileError
+from cospeech.formats.phase_files.anvil import read_anvil
+from cospeech.formats.phase_files.elan import read_elan
+from cospeech.formats.phase_files.labels import phase_meanings, plain
+from cospeech.formats.phase_files.table import read_table
+from cospeech.formats.phase_files.tiers import Entry, Tier
+from cospeech.motion.phases import PHASES, PhaseSegment
+
+_READERS: dict[str, Callable[[Path], list[Tier]]] = {
+    ".anvil": read_anvil,
+    ".eaf": read_elan,
+    ".csv": read_table,
+    ".tsv": read_table,
+    ".txt": read_table,
+}
+
+_log = logging.getLogger(__name__)
+
+
+def read_phases(
+    path: str | Path, tier: str | None = None, labels: Mapping[str, str] | None = None
+) -> list[PhaseSegment]:
+    """Gesture phases from an ANVIL (.anvil), ELAN (.eaf) or table (.csv, .tsv, .txt) file.
+
+    Labels are read whatever their case, accents and punctuation, by the names of the literature
+    (``prep``, ``post-stroke hold``, ``recovery``, ``Preparação`` ...). A blank label and an
+    annotation without length are passed over.
+
+    Args:
+        path: The file.
+        tier: The tier (ELAN), or the track or ``track:attribute`` (ANVIL), that holds the phases;
+            None: the one whose every label is a phase.
+        labels: What the file's own labels mean: text -> name in `PHASES`.
+
+    Returns:
+        Segments in order of their start, with names of `PHASES`. `frame_phases` makes labels of
+        frames of them.
+
+    Raises:
+        InputFileError: The file is damaged, no tier or several could be meant, a label is unknown,
+            or an annotation ends before it starts.
+        CospeechError: A value of ``labels`` is no phase.
+    """
+    path = Path(path)
+    read = _READERS.get(path.suffix.lower())
+    if read is None:
+        raise InputFileError(path, f"not an annotation file; there are {', '.join(_READERS)}")
+    meanings = phase_meanings(labels)
+    chosen = _choose(path, read(path), tier, meanings)
+    segments = []
+    for entry in _written(chosen):
+        if entry.end_s < entry.start_s:
+            raise InputFileError(
+                path,
+                f"ends at {entry.end_s:g} s, before it starts at {entry.start_s:g} s",
+                entry.place,
+            )
+        if entry.end_s > entry.start_s:
+            label = meanings[plain(entry.text)]
+            segments.append(PhaseSegment(entry.start_s, entry.end_s, label))
+    if left_out := len(chosen.entries) - len(segments):
+        _log.info("%s: %d annotations without label or length", path, left_out)
+    return sorted(segments, key=lambda segment: segment.start_s)
+
+
+def _written(tier: Tier) -> list[Entry]:
+    return [entry for entry in tier.entries if entry.text]
+
+
+def _choose(
+    path: Path, tiers: Sequence[Tier], wanted: str | None, meanings: Mapping[str, str]
+) -> Tier:
+    tiers = [tier for tier in tiers if tier.problem or _written(tier)]
+    names = ", ".join(repr(tier.name) for tier in tiers)
+    if not tiers:
+        raise InputFileError(path, "holds no annotation")
+    if wanted is not None:
+        tiers = [tier for tier in tiers if wanted in (tier.name, tier.track)]
+        if not tiers:
+            raise InputFileError(path, f"no tier {wanted!r} with annotations; there are {names}")
+    if len(tiers) == 1 and tiers[0].problem:
+        raise InputFileError(path, tiers[0].problem, f"track {tiers[0].track}")
+    timed = [tier for tier in tiers if not tier.problem]
+    unknown = {
+        tier.name: [entry for entry in _written(tier) if plain(entry.text) not in meanings]
+        for tier in timed
+    }
+    fitting = [tier for tier in timed if not unknown[tier.name]]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        several = ", ".join(repr(tier.name) for tier in fitting)
+        raise InputFileError(
+            path, f"several tiers hold gesture phases: {several}", hint="name one of them as tier"
+        )
+    if len(timed) == 1:
+        first = unknown[timed[0].name][0]
+        raise InputFileError(
+            path,
+            f"{first.text!r} is not a gesture phase; known are {', '.join(PHASES)} and what they"
+            " are called in the literature",
+            first.place,
+            hint=f"say what it means: labels={{{first.text!r}: 'stroke'}}",
+        )
+    examples = "; ".join(f"{tier.name!r} has {unknown[tier.name][0].text!r}" for tier in timed[:8])
+    raise InputFileError(
+        path,
+        f"no tier holds gesture phases alone: {examples}",
+        hint=f"name the tier, and what its labels mean (labels={{text: phase}}); phases are"
+        f" {', '.join(PHASES)}",
+    )

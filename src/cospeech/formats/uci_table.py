@@ -1,0 +1,120 @@
+"""A raw file of the UCI Gesture Phase set, as it is."""
+
+from __future__ import annotations
+
+import csv
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.errors import InputFileError
+from cospeech.formats.phase_files.labels import phase_meanings, plain
+from cospeech.motion.phases import PHASE_INDEX
+
+FILE_JOINTS = ("left_hand", "right_hand", "head", "spine", "left_wrist", "right_wrist")
+"""The file's joints, in its order."""
+
+_COLUMNS = [f"{joint}{axis}" for joint in ("lh", "rh", "h", "s", "lw", "rw") for axis in "xyz"]
+_COLUMNS += ["timestamp", "phase"]
+_MAX_ROWS = 1_000_000
+_MOST_UNORDERED = 0.05
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class UciTable:
+    """A raw file as it is.
+
+    Attributes:
+        times_s: ``(T,)`` decoded timestamps, s.
+        values: ``(T, 6, 3)`` in the file's units, joints as `FILE_JOINTS`.
+        labels: ``(T,)`` int8 into `cospeech.motion.phases.PHASES`; rest is ``rest_hold``.
+    """
+
+    times_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+    labels: NDArray[np.int8]
+
+
+def read_uci_table(path: str | Path) -> UciTable:
+    """A raw file with its times decoded and its labels named, otherwise as it is.
+
+    A timestamp is the decimal writing of minute, second and millisecond: ``5702026`` is 57:02.026.
+    A row that isn't later than the row before it is left out.
+
+    Raises:
+        InputFileError: The file can't be read, has other columns, a value that is no number, an
+            unknown phase, or times that go back again and again.
+    """
+    path = Path(path)
+    meanings = phase_meanings()
+    times: list[float] = []
+    values: list[list[float]] = []
+    labels: list[int] = []
+    unordered = hours = 0
+    for number, row in enumerate(_rows(path), start=2):
+        place = f"line {number}"
+        try:
+            numbers = [float(cell) for cell in row[:18]]
+            stamp = int(row[18])
+        except ValueError:
+            raise InputFileError(path, "a value is not a number", place) from None
+        if not np.isfinite(numbers).all():
+            raise InputFileError(path, "a value is not finite", place)
+        label = meanings.get(plain(row[19]))
+        if label is None:
+            raise InputFileError(path, f"{row[19]!r} is not a phase", place)
+        minute, second = divmod(stamp // 1000, 100)
+        if not (0 <= minute < 60 and 0 <= second < 60):
+            raise InputFileError(path, f"the timestamp {stamp} is not minute, second, ms", place)
+        time = 3600 * hours + 60 * minute + second + stamp % 1000 / 1000
+        if times and time < times[-1] - 1800:
+            hours, time = hours + 1, time + 3600
+        if times and time <= times[-1]:
+            unordered += 1
+            continue
+        times.append(time)
+        values.append(numbers)
+        labels.append(PHASE_INDEX[label])
+    if len(times) < 2 or unordered > _MOST_UNORDERED * len(times):
+        raise InputFileError(
+            path, f"{len(times)} rows in order of time and {unordered} out of it: not a recording"
+        )
+    if unordered:
+        _log.warning(
+            "%s: %d rows were not later than the row before and are left out", path, unordered
+        )
+    return UciTable(
+        np.array(times), np.array(values).reshape(-1, 6, 3), np.array(labels, dtype=np.int8)
+    )
+
+
+def _rows(path: Path) -> Iterator[list[str]]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as lines:
+            for number, row in enumerate(csv.reader(lines), start=1):
+                if number == 1:
+                    if [cell.strip().lower() for cell in row] != _COLUMNS:
+                        raise InputFileError(
+                            path,
+                            f"the header is not {','.join(_COLUMNS)}",
+                            "line 1",
+                            hint="take the file from the UCI repository; edited copies are about",
+                        )
+                    continue
+                if number > _MAX_ROWS:
+                    raise InputFileError(path, f"more than {_MAX_ROWS} rows")
+                if len(row) != len(_COLUMNS):
+                    raise InputFileError(
+                        path, f"{len(row)} columns, expected {len(_COLUMNS)}", f"line {number}"
+                    )
+                yield row
+    except OSError as error:
+        raise InputFileError(path, f"can't be read ({error.strerror})") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputFileError(path, f"not a csv file: {error}") from error

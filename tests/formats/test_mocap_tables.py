@@ -1,0 +1,90 @@
+"""Tables beside a corpus: csv as users have it, and splits given as a file."""
+
+import pytest
+
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.formats.mocap import Take, read_split_list, with_split_list
+from cospeech.formats.mocap.tables import cell, columns_of, read_table
+from tests.fabricated.mocap import put_text
+
+
+@pytest.mark.parametrize(
+    "text", ["a,b\n1,2\n", "a;b\r\n\r\n1; 2\r\n", "\ufeffa\tb\n 1\t2", 'a,b\n"1","2"\n']
+)
+def test_every_spelling_of_a_table(tmp_path, text):
+    rows = read_table(put_text(tmp_path / "t.csv", text))
+    assert [row.fields for row in rows] == [("a", "b"), ("1", "2")]
+
+
+def test_rows_know_their_line_and_columns_their_names(tmp_path):
+    path = put_text(tmp_path / "t.csv", "Name,x\n\nq,1,2\nr\n")
+    header, first, second = read_table(path)
+    assert [row.place for row in (header, first, second)] == ["line 1", "line 3", "line 4"]
+    columns = columns_of(path, header, {"id": ("id", "name")})
+    assert cell(path, first, columns["id"]) == "q"
+    with pytest.raises(InputFileError, match=r"line 4: 1 values where column 2 is wanted"):
+        cell(path, second, 1)
+    with pytest.raises(InputFileError, match=r"no column 'type'; its columns: Name, x"):
+        columns_of(path, header, {"split": ("type", "split")})
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"\n,\n;;\n", "is empty"),
+        (b"a,b\0c\n", "holds NUL"),
+        (b"a,\xff\xfe\n", "is not UTF-8"),
+        (b"a," + b"x" * 200_000 + b"\n", "is not a csv table"),
+        (b"a,b\n" * 1_500_000, "larger than 4 MiB"),
+    ],
+)
+def test_hostile_tables_are_refused(tmp_path, content, message):
+    path = tmp_path / "t.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputFileError, match=message):
+        read_table(path)
+    with pytest.raises(InputFileError, match="can't be read"):
+        read_table(tmp_path / "absent.csv")
+
+
+BEAT2 = "id,type\n2_scott_0_1_1,test\n2_scott_0_9_9,train\n2_scott_0_57_57,val\n1_wayne_0_1_1,additional\n"
+
+
+def test_the_list_of_beat2(tmp_path):
+    path = put_text(tmp_path / "train_test_split.csv", BEAT2)
+    assert read_split_list(path) == {
+        "2_scott_0_1_1": "test",
+        "2_scott_0_9_9": "train",
+        "2_scott_0_57_57": "val",
+        "1_wayne_0_1_1": None,
+    }
+
+
+def test_a_folder_of_text_files(tmp_path):
+    put_text(tmp_path / "train.txt", "a\nb\n")
+    put_text(tmp_path / "dev.txt", "c\n")
+    put_text(tmp_path / "test.txt", "d\n")
+    put_text(tmp_path / "readme.txt", "not a list")
+    assert read_split_list(tmp_path) == {"a": "train", "b": "train", "c": "val", "d": "test"}
+
+
+def test_broken_lists_name_the_line(tmp_path):
+    path = put_text(tmp_path / "s.csv", "id,split\na,train\na,test\n")
+    with pytest.raises(InputFileError, match=r"line 3: a is in train and in test"):
+        read_split_list(path)
+    path = put_text(tmp_path / "s.csv", "id,split\na,trian\n")
+    with pytest.raises(InputFileError, match=r"line 2: a is of type 'trian'"):
+        read_split_list(path)
+    with pytest.raises(InputFileError, match=r"has no train\.txt"):
+        read_split_list(tmp_path)
+
+
+def test_takes_get_the_split_of_the_list(tmp_path):
+    path = put_text(tmp_path / "s.csv", "id,split\na,train\nb,val\nzz,test\n")
+    takes = [Take(name, "x", tmp_path / f"{name}.bvh", None, split="test") for name in "abc"]
+    listed = with_split_list(takes, path)
+    assert [take.split for take in listed] == ["train", "val", None]
+    assert listed[0].files == (tmp_path / "a.bvh", path)
+    with pytest.raises(CospeechError, match="names none of the 1 recordings"):
+        with_split_list(takes[2:], path)
