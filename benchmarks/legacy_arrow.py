@@ -12,16 +12,15 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from tests.fabricated.legacy_arrow_writer import write_legacy_arrow
-
 from cospeech.formats.legacy_arrow import loads
+from tests.fabricated.legacy_arrow_writer import write_legacy_arrow
 
 FPS = 25.0
 AUDIO_HZ = 16000
@@ -86,17 +85,18 @@ def cached_sample(random: np.random.Generator, number: int) -> bytes:
 
 
 def megabytes_per_second(
-    read: Callable[[bytes], object], values: Iterable[bytes], repeats: int
-) -> tuple[float, float]:
-    """Rate of the first pass and the median of the following ones, keeping one value at a time."""
-    values = list(values)
-    rates = []
+    readers: Sequence[Callable[[bytes], object]], values: Sequence[bytes], repeats: int
+) -> list[list[float]]:
+    """Rates of each reader in turn over all values, by pass; one value is kept at a time."""
+    rates: list[list[float]] = [[] for _ in readers]
     for _ in range(repeats + 1):
-        start = time.perf_counter()
-        for value in values:
-            read(value)
-        rates.append(sum(map(len, values)) / 1e6 / (time.perf_counter() - start))
-    return rates[0], float(np.median(rates[1:]))
+        for reader, its_rates in zip(readers, rates, strict=True):
+            start = time.perf_counter()
+            for value in values:
+                reader(value)
+            seconds = time.perf_counter() - start
+            its_rates.append(sum(map(len, values)) / 1e6 / seconds)
+    return rates
 
 
 def main() -> None:
@@ -119,9 +119,9 @@ def main() -> None:
     results = {}
     print(f"{'values':<18} {'count':>6} {'MB':>7} {'first MB/s':>11} {'MB/s':>7} {'copy MB/s':>10}")
     for name, written in values.items():
-        first, again = megabytes_per_second(loads, written, arguments.repeats)
         # bytearray copies; bytes(value) would hand back the same object
-        _, copied = megabytes_per_second(bytearray, written, arguments.repeats)
+        rates, copies = megabytes_per_second((loads, bytearray), written, arguments.repeats)
+        first, again, copied = rates[0], float(np.median(rates[1:])), float(np.median(copies[1:]))
         size = sum(map(len, written)) / 1e6
         results[name] = {
             "count": len(written),
@@ -130,9 +130,8 @@ def main() -> None:
             "MB_per_s": again,
             "copy_MB_per_s": copied,
         }
-        print(
-            f"{name:<18} {len(written):>6} {size:>7.1f} {first:>11.0f} {again:>7.0f} {copied:>10.0f}"
-        )
+        measured = f"{first:>11.0f} {again:>7.0f} {copied:>10.0f}"
+        print(f"{name:<18} {len(written):>6} {size:>7.1f} {measured}")
     print(json.dumps({"benchmark": "legacy_arrow", "numpy": np.__version__, "values": results}))
 
 

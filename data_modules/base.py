@@ -98,7 +98,7 @@ class StoreDataModule(LightningDataModule):
     def settings(self) -> dict[str, Any]:
         """What the recordings depend on besides their files, as JSON values."""
 
-    def joint_map(self) -> JointMap | None:
+    def evaluation_joints(self) -> JointMap | None:
         """Where the evaluation joints are; None: found by the joints' names."""
         return None
 
@@ -138,7 +138,7 @@ class StoreDataModule(LightningDataModule):
             "corpus": self.corpus_name,
             "settings": self.settings(),
             "files": [[name, stat.st_size, stat.st_mtime_ns] for name, stat in stats],
-            "joint_map": repr(self.joint_map()),
+            "joint_map": repr(self.evaluation_joints()),
             "split": [self.split, self.val_share, self.test_share, self.split_seed],
             "max_recordings": self.max_recordings,
         }
@@ -181,7 +181,7 @@ class StoreDataModule(LightningDataModule):
         return store
 
     def _build(self, path: Path, parameters: dict[str, Any], fingerprint: str) -> None:
-        joint_map, limit = self.joint_map(), self.max_recordings
+        joint_map, limit = self.evaluation_joints(), self.max_recordings
         with StoreWriter(
             path, self.corpus_name, parameters, fingerprint, joint_map, self.upper_body
         ) as writer:
@@ -215,7 +215,10 @@ class StoreDataModule(LightningDataModule):
             logger.warning("so few recordings don't reach the published splits: split here instead")
             rule = "recordings"
         if rule == "time_blocks":
-            return time_blocks(frames, self.val_share, self.test_share, minimum=SHORTEST_BLOCK)
+            if max(frames) >= SHORTEST_BLOCK * len(SPLITS) or len(frames) < len(SPLITS):
+                return time_blocks(frames, self.val_share, self.test_share, minimum=SHORTEST_BLOCK)
+            logger.warning("no recording is long enough for time blocks: split by recordings")
+            rule = "recordings"
         names = split_recordings(
             writer.column("speaker"), self.val_share, self.test_share, self.split_seed, rule
         )

@@ -4,33 +4,31 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import InitVar, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from cospeech.corpus.source import Source
-from cospeech.formats.mocap import MissingAudio, Take, find_takes, take_sources, with_split_list
+from cospeech.formats.mocap import (
+    MissingAudio,
+    Take,
+    find_takes,
+    leave_out_unsplit,
+    take_sources,
+    with_split_list,
+)
 from cospeech.motion.joint_map import JointMap, load_joint_map
 from data_modules.base import StoreDataModule
 
 
-class _MappedCorpus(StoreDataModule):
-    """A corpus whose user may say where the evaluation joints are."""
-
-    _joint_map: JointMap | None
-
-    def joint_map(self) -> JointMap | None:
-        """The user's choice, if any."""
-        return self._joint_map
-
-
 @dataclass(kw_only=True, eq=False)
-class MocapCorpus(_MappedCorpus):
+class MocapCorpus(StoreDataModule):
     """Takes of BVH motion and audio.
 
     Args:
         root: The folder.
-        missing_audio: Motion without audio: ``"skip"`` it, or read it with ``"silence"``.
+        missing_audio: Motion without audio: ``"skip"`` it, read it with ``"silence"``, or
+            ``"auto"``: with silence where there is no audio at all.
         frame_rate: Frames per second of all BVH rows, for files whose header is wrong.
         joint_map: Name of a packaged joint map or path of a yaml, for skeletons whose joint names
             aren't known; None: found by the names.
@@ -39,14 +37,14 @@ class MocapCorpus(_MappedCorpus):
     """
 
     root: str
-    missing_audio: MissingAudio
+    missing_audio: MissingAudio = "skip"
     frame_rate: float | None
-    joint_map: InitVar[str | None]
-    split_list: str | None
+    joint_map: str | None
+    split_list: str | None = None
 
-    def __post_init__(self, joint_map: str | None) -> None:
-        super().__post_init__()
-        self._joint_map = None if joint_map is None else load_joint_map(joint_map)
+    def evaluation_joints(self) -> JointMap | None:
+        """The user's choice, if any."""
+        return None if self.joint_map is None else load_joint_map(self.joint_map)
 
     @abstractmethod
     def find_takes(self) -> list[Take]:
@@ -57,12 +55,14 @@ class MocapCorpus(_MappedCorpus):
         takes = self.find_takes()
         if self.split_list is not None:
             takes = with_split_list(takes, self.split_list)
-        return take_sources(takes, frame_rate=self.frame_rate, joint_map=self._joint_map)
+        if self.split == "published":
+            takes = leave_out_unsplit(takes)
+        return take_sources(takes, frame_rate=self.frame_rate, joint_map=self.evaluation_joints())
 
     def settings(self) -> dict[str, Any]:
         """The corpus's own settings; what tables and joint maps say is known by themselves."""
         elsewhere = {field.name for field in fields(StoreDataModule)}
-        elsewhere |= {"root", "split_list", "offsets"}
+        elsewhere |= {"root", "split_list", "offsets", "joint_map"}
         names = [field.name for field in fields(self) if field.name not in elsewhere]
         return {name: getattr(self, name) for name in names}
 

@@ -22,7 +22,9 @@ from tests.corpora import make_recording
 def read_two(first: int):
     """A source of two recordings, the second with a word of its own, and one thing left out."""
     yield make_recording(f"take{first}", seconds=4, seed=first)
-    yield Dropped(f"take{first}-b", "it was too short", "short")
+    yield Dropped(
+        f"take{first}-b", "it was too short", "short", windows={"pose": 2}, words=("um", "one")
+    )
     words = (Word("hello", 0.1, 0.4), Word(f"word{first}", 0.5, 0.8))
     yield make_recording(f"take{first + 1}", speaker="ben", seconds=3, words=words, seed=first + 1)
 
@@ -120,6 +122,7 @@ def test_what_was_left_out_is_in_the_manifest(whole):
     skipped = json.loads(whole["manifest.json"])["skipped"]
     assert [item["id"] for item in skipped] == [f"take{i}-b" for i in (0, 2, 4, 6)]
     assert {item["kind"] for item in skipped} == {"short"}
+    assert json.loads(whole["manifest.json"])["dropped_windows"] == {"pose": 8}
 
 
 def test_a_source_that_cannot_be_read_is_noted_and_the_next_one_read(tmp_path):
@@ -136,7 +139,7 @@ def test_a_source_that_cannot_be_read_is_noted_and_the_next_one_read(tmp_path):
 
 def test_word_ids_follow_the_order_of_recordings(tmp_path, packed):
     store = build(tmp_path / "s", packed)
-    texts = ["one", "two", "three", "hello", "word0", "word2", "word4", "word6"]
+    texts = ["one", "two", "three", "um", "hello", "word0", "word2", "word4", "word6"]
     assert store.vocabulary[4:] == texts
     assert [word.text for word in store.speech(Span(3, 0, 45)).words] == ["hello", "word2"]
 

@@ -103,6 +103,7 @@ def mocap(store_dir, root, **changes):
         "speaker": "prefix",
         "frame_rate": None,
         "joint_map": None,
+        "missing_audio": "auto",
         "licence": "test",
         "split": "time_blocks",
     }

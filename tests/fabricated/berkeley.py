@@ -207,7 +207,6 @@ def write_2d(
             kept = [i for i in range(frames) if i not in absent]
             for i in kept:
                 clock = stamp(times[i])
-                file = f"{stem}/{stem}_{clock.lstrip('0') or '0'}.txt"
                 file = f"{stem}/{stem}_{clock.replace(':', '_')[1:]}.txt"
                 if keypoint_files:
                     write_keypoints(root / speaker / "keypoints_simple" / file, points[i], columns)
@@ -288,7 +287,7 @@ def write_samples(root: Path, truth: dict[tuple[str, str], dict], columns: int =
                 stamp(at[-1]), name, f"/old/machine/{speaker}/train/npz/{file}", speaker,
                 stamp(at[0]), "video.mp4",
             ])  # fmt: skip
-    names = "audio_fn dataset end interval_id pose_fn speaker start video_fn".split()
+    names = ["audio_fn", "dataset", "end", "interval_id", "pose_fn", "speaker", "start", "video_fn"]
     _write_csv(root / "train.csv", names, rows)
     return len(rows)
 

@@ -9,6 +9,8 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from tests.fabricated.flatbuffer_writer import Inline, Numbers, flatbuffer, pad
+
 BOOL, INT, BYTES, STR, FLOAT16, FLOAT32, FLOAT64, DATETIME = 0, 1, 3, 4, 5, 6, 7, 8
 LIST, DICT, TUPLE, SET, ARRAY = 9, 10, 11, 12, 14
 EPOCH = datetime(1970, 1, 1)
@@ -188,23 +190,27 @@ def tensor(array):
     """A tensor message; only layouts without gaps keep their strides."""
     if not (array.flags.c_contiguous or array.flags.f_contiguous):
         array = np.ascontiguousarray(array)
-    kinds = {"i": INT_TYPE, "u": INT_TYPE, "f": FLOAT_TYPE}
-    item = array.itemsize
-    if array.dtype.kind == "f":
-        type_ = {0: ("h", {2: 0, 4: 1, 8: 2}[item])}
+    strides = array.strides if array.size else (array.itemsize,) * array.ndim
+    return message(tensor_fields(array.dtype, array.shape, strides), 64) + array.tobytes("A")
+
+
+def tensor_fields(dtype, shape, strides, size_bytes=None):
+    """A tensor message's table; the body has as many bytes as the shape needs, or as told."""
+    dtype = np.dtype(dtype)
+    if size_bytes is None:
+        size_bytes = int(np.prod(shape)) * dtype.itemsize
+    if dtype.kind == "f":
+        kind, type_ = FLOAT_TYPE, {0: ("h", {2: 0, 4: 1, 8: 2}[dtype.itemsize])}
     else:
-        type_ = {0: ("i", 8 * item), 1: ("?", array.dtype.kind == "i")}
-    strides = array.strides if array.size else (item,) * array.ndim
+        kind, type_ = INT_TYPE, {0: ("i", 8 * dtype.itemsize), 1: ("?", dtype.kind == "i")}
     content = {
-        0: ("B", kinds[array.dtype.kind]),
+        0: ("B", kind),
         1: type_,
-        2: [{0: ("q", size)} for size in array.shape],
+        2: [{0: ("q", size)} for size in shape],
         3: Numbers("q", strides),
-        4: Inline("qq", (0, array.nbytes)),
+        4: Inline("qq", (0, size_bytes)),
     }
-    body = array.tobytes("A")
-    fields = {0: ("h", 3), 1: ("B", TENSOR_MESSAGE), 2: content, 3: ("q", len(body))}
-    return message(fields, 64) + body
+    return {0: ("h", 3), 1: ("B", TENSOR_MESSAGE), 2: content, 3: ("q", size_bytes)}
 
 
 def field(name, kind, type_, children):
@@ -216,89 +222,3 @@ def message(fields, alignment):
     metadata = flatbuffer(fields)
     metadata += bytes(-(4 + len(metadata)) % alignment)
     return struct.pack("<i", len(metadata)) + metadata
-
-
-class Numbers:
-    """A vector of numbers, or of structs of numbers in a row."""
-
-    def __init__(self, code, numbers):
-        self.code, self.numbers = code, tuple(numbers)
-
-
-class Inline(Numbers):
-    """A struct inside its table."""
-
-
-def flatbuffer(fields) -> bytes:
-    """A root table given as {field index: value}.
-
-    A value is a table (dict), a vector of tables (list), a string, `Numbers`, `Inline`, or a number
-    as (struct code, value), which is left out where it is 0, every default used here.
-    """
-    out = bytearray(4)
-    struct.pack_into("<I", out, 0, write_table(out, fields))
-    return bytes(out)
-
-
-def write_table(out, fields) -> int:
-    fields = {i: value for i, value in fields.items() if not absent(value)}
-    slots, size = {}, 4
-    for index, value in fields.items():
-        width = struct.calcsize("<" + code_of(value))
-        # a struct is aligned like its first number
-        unit = struct.calcsize("<" + code_of(value)[0])
-        size += -size % unit
-        slots[index] = size
-        size += width
-    count = max(fields, default=-1) + 1
-    pad(out, 8)
-    vtable = len(out)
-    out += struct.pack("<HH", 4 + 2 * count, size)
-    out += struct.pack(f"<{count}H", *(slots.get(index, 0) for index in range(count)))
-    pad(out, 8)
-    table = len(out)
-    out += bytes(size)
-    struct.pack_into("<i", out, table, table - vtable)
-    for index, value in fields.items():
-        at = table + slots[index]
-        if isinstance(value, Inline):
-            struct.pack_into("<" + value.code, out, at, *value.numbers)
-        elif isinstance(value, tuple):
-            struct.pack_into("<" + value[0], out, at, value[1])
-        else:
-            struct.pack_into("<I", out, at, write_child(out, value) - at)
-    return table
-
-
-def write_child(out, value) -> int:
-    if isinstance(value, dict):
-        return write_table(out, value)
-    # the items of a vector are aligned to 8, its count lies before them
-    pad(out, 8)
-    out += bytes(4)
-    start = len(out)
-    if isinstance(value, str):
-        out += struct.pack("<I", len(value)) + value.encode() + b"\0"
-    elif isinstance(value, Numbers):
-        out += struct.pack("<I", len(value.numbers) // len(value.code))
-        out += struct.pack("<" + value.code[0] * len(value.numbers), *value.numbers)
-    else:
-        out += struct.pack("<I", len(value)) + bytes(4 * len(value))
-        for index, item in enumerate(value):
-            at = start + 4 + 4 * index
-            struct.pack_into("<I", out, at, write_table(out, item) - at)
-    return start
-
-
-def absent(value) -> bool:
-    return isinstance(value, tuple) and not value[1]
-
-
-def code_of(value) -> str:
-    if isinstance(value, Inline):
-        return value.code
-    return value[0] if isinstance(value, tuple) else "I"
-
-
-def pad(out, alignment):
-    out += bytes(-len(out) % alignment)

@@ -1,10 +1,15 @@
 """Tables beside a corpus: csv as users have it, and splits given as a file."""
 
+import contextlib
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap import Take, read_split_list, with_split_list
 from cospeech.formats.mocap.tables import cell, columns_of, read_table
+from cospeech.formats.trinity_offsets import read_offsets
 from tests.fabricated.mocap import put_text
 
 
@@ -32,7 +37,7 @@ def test_rows_know_their_line_and_columns_their_names(tmp_path):
     ("content", "message"),
     [
         (b"", "is empty"),
-        (b"\n,\n;;\n", "is empty"),
+        (b"\n,\n,,\n", "is empty"),
         (b"a,b\0c\n", "holds NUL"),
         (b"a,\xff\xfe\n", "is not UTF-8"),
         (b"a," + b"x" * 200_000 + b"\n", "is not a csv table"),
@@ -48,7 +53,12 @@ def test_hostile_tables_are_refused(tmp_path, content, message):
         read_table(tmp_path / "absent.csv")
 
 
-BEAT2 = "id,type\n2_scott_0_1_1,test\n2_scott_0_9_9,train\n2_scott_0_57_57,val\n1_wayne_0_1_1,additional\n"
+BEAT2 = """id,type
+2_scott_0_1_1,test
+2_scott_0_9_9,train
+2_scott_0_57_57,val
+1_wayne_0_1_1,additional
+"""
 
 
 def test_the_list_of_beat2(tmp_path):
@@ -88,3 +98,28 @@ def test_takes_get_the_split_of_the_list(tmp_path):
     assert listed[0].files == (tmp_path / "a.bvh", path)
     with pytest.raises(CospeechError, match="names none of the 1 recordings"):
         with_split_list(takes[2:], path)
+
+
+_CELLS = st.one_of(
+    st.text(max_size=8),
+    st.sampled_from(["id", "type", "train", "Take", "AudioStart", "MotionStart", "offset", "nan"]),
+    st.floats().map(repr),
+    st.integers(-(10**12), 10**12).map(str),
+)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.one_of(
+        st.binary(max_size=300),
+        st.lists(st.lists(_CELLS, max_size=8).map(",".join), max_size=6).map(
+            lambda lines: "\n".join(lines).encode("utf-8", "replace")
+        ),
+    )
+)
+def test_whatever_a_table_holds_it_is_read_or_refused(tmp_path_factory, content):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(content)
+    for read in (read_table, read_split_list, read_offsets):
+        with contextlib.suppress(InputFileError):
+            read(path)

@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 
+import lmdb
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from cospeech.formats.ted.recordings import METRES_PER_UNIT
 from cospeech.formats.ted_lmdb import find_ted_sources, read_samples, read_video
 from cospeech.motion.upper_body import EVALUATION_JOINTS, doubts_about, to_upper_body
 from data_modules.ted import TedData
+from tests.fabricated.ted import write_ted
 from tests.fabricated.ted_clips import make_clip, make_poses, moved_clip
 
 SPEC = WindowSpec(fps=15.0, frames=34, seed_frames=4, stride=10)
@@ -350,12 +352,48 @@ def test_short_gaps_are_filled_and_long_ones_cut(monkeypatch):
 
 def test_expressive_joints_are_those_of_the_published_direction_list():
     pairs = [
-        (0, 1), (1, 2), (1, 3), (2, 4), (4, 6), (6, 8), (8, 9), (9, 10), (6, 11), (11, 12),
-        (12, 13),        (6, 14), (14, 15), (15, 16), (6, 17), (17, 18), (18, 19), (6, 20), (20, 21), (21, 22),
-        (3, 5), (5, 7), (7, 23), (23, 24), (24, 25), (7, 26), (26, 27), (27, 28), (7, 29), (29, 30),
-        (30, 31), (7, 32), (32, 33), (33, 34), (7, 35), (35, 36), (36, 37), (1, 38), (38, 39),
-        (38, 40), (39, 41), (40, 42),
+        (0, 1), (1, 2), (1, 3), (2, 4), (4, 6), (3, 5), (5, 7),
+        (6, 8), (8, 9), (9, 10), (6, 11), (11, 12), (12, 13), (6, 14), (14, 15), (15, 16),
+        (6, 17), (17, 18), (18, 19), (6, 20), (20, 21), (21, 22),
+        (7, 23), (23, 24), (24, 25), (7, 26), (26, 27), (27, 28), (7, 29), (29, 30), (30, 31),
+        (7, 32), (32, 33), (33, 34), (7, 35), (35, 36), (36, 37),
+        (1, 38), (38, 39), (38, 40), (39, 41), (40, 42),
     ]  # fmt: skip
     assert sorted(expressive.SKELETON.bones) == sorted(pairs)
     assert expressive.SKELETON.joints[38:] == ("nose", "r_eye", "l_eye", "r_ear", "l_ear")
     assert len(expressive.SKELETON.mirror_pairs) == 20
+
+
+def test_fabricated_databases_of_both_kinds_hold_the_same_windows(tmp_path):
+    videos = read_all(find_ted_sources(write_ted(tmp_path, 12, 15.0)))
+    samples = read_all(find_ted_sources(write_ted(tmp_path, 12, 15.0, cache=True), kind="cache"))
+    recordings = [item for item in videos if isinstance(item, Recording)]
+    assert {(r.split, r.speaker[-2:]) for r in recordings} >= {("test", "10"), ("val", "11")}
+    for split in ("train", "val", "test"):
+        cut = [
+            recording.motion.positions[start : start + 42]
+            for recording in recordings
+            if recording.split == split
+            for start in recording.windows.starts
+        ]
+        assert cut
+        cached = [sample.motion.positions for sample in samples if sample.split == split]
+        np.testing.assert_array_equal(cut, cached)
+
+
+def test_a_damaged_sample_is_left_out_and_the_others_of_its_block_kept(tmp_path):
+    write_ted(tmp_path, 1, 10.0, cache=True)
+    (source,) = find_ted_sources(tmp_path, kind="cache")
+    before = list(source.read())
+    with (
+        lmdb.open(str(source.files[0].parent), map_size=2**30) as database,
+        database.begin(write=True) as writing,
+    ):
+        writing.put(b"0000000002", writing.get(b"0000000002")[:5000])
+    (source,) = find_ted_sources(tmp_path, kind="cache")
+    after = list(source.read())
+    assert [item.id for item in after[:2] + after[3:]] == [r.id for r in before[:2] + before[3:]]
+    damaged = after[2]
+    assert isinstance(damaged, Dropped)
+    assert (damaged.kind, damaged.is_fault) == ("damaged", True)
+    assert "key 0000000002, byte " in damaged.reason

@@ -7,9 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError, InputFileError
+from cospeech.formats.ted import expressive
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
 from cospeech.motion.joint_map import (
     EVALUATION_JOINTS,
+    JointBlend,
     JointMap,
     JointSource,
     find_joint_map,
@@ -35,7 +37,7 @@ def skeleton_for(joint_map, name="any"):
 def test_the_field_is_covered():
     assert set(PACKAGED) == {
         "bandai_namco", "beat", "berkeley3d", "cmu", "genea2023", "human36m", "human36m_32",
-        "mixamo", "ted", "trinity", "zeggs",
+        "mixamo", "ted", "ted_expressive", "trinity", "zeggs",
     }  # fmt: skip
 
 
@@ -141,6 +143,73 @@ def test_offsets_turn_with_their_joint():
         to_upper_body(Motion(skeleton, 30.0, motion.positions), joint_map)
 
 
+def test_a_joint_between_and_beyond_others(tmp_path):
+    lines = [f"  {name}: neck" for name in EVALUATION_JOINTS if name not in ("nose", "head")]
+    lines += ["  nose: {weights: {r_ear: 0.5, l_ear: 0.5}}"]
+    lines += ["  head: {weights: {r_ear: 0.9, l_ear: 0.9, neck: -0.8}}"]
+    path = tmp_path / "ears.yaml"
+    path.write_text("joints:\n" + "\n".join(lines))
+    joint_map = load_joint_map(path)
+    assert joint_map.joints[2] == JointBlend((("r_ear", 0.5), ("l_ear", 0.5)))
+    assert joint_map.required == {"neck", "r_ear", "l_ear"}
+    skeleton = Skeleton("s", ("neck", "r_ear", "l_ear", "other"), (-1, 0, 0, 0))
+    nan = [np.nan] * 3
+    positions = np.array([[[5, 1, 0], [4.9, 1.1, 0.02], [5.1, 1.1, 0.02], nan]], np.float32)
+    # only the joints named count, and where the body is doesn't
+    body = to_upper_body(Motion(skeleton, 15.0, positions), joint_map).positions[0]
+    np.testing.assert_allclose(body[2], [0, 0.1, 0.02], atol=1e-6)
+    np.testing.assert_allclose(body[3], [0, 0.18, 0.036], atol=1e-6)
+    with pytest.raises(CospeechError, match="joint map ears needs l_ear"):
+        to_upper_body(
+            Motion(Skeleton("s", ("neck", "r_ear"), (-1, 0)), 15.0, positions[:, :2]), joint_map
+        )
+
+
+# Mean directions of the TED set (trimodal spec 3.2) in house axes.
+TED_NECK_TO_NOSE = np.array([0.002, 0.866, 0.434])
+TED_NOSE_TO_HEAD = np.array([0.004, 0.876, -0.412])
+
+
+def test_nose_and_head_of_expressive_clips_are_where_the_ted_set_has_them(shared):
+    """Ten real clips, as directions; the face's bones get lengths that fit an adult's head.
+
+    Eyes 63 mm and ears 145 mm apart, with the clips' own mean directions, give 61 mm from the nose
+    to an eye and 112 mm from there to the ear.
+    """
+    lengths = {1: 0.26, 2: 0.22, 3: 0.22, 4: 0.36, 6: 0.33, 5: 0.36, 7: 0.33, 38: 0.18}
+    lengths |= {39: 0.061, 40: 0.061, 41: 0.112, 42: 0.112}
+    # the published order of directions: spine, shoulders, left arm and hand, right ones, face
+    children = [1, 2, 3, 4, 6, *range(8, 23), 5, 7, *range(23, 38), *range(38, 43)]
+    files = sorted((shared / "data/real/ted_culture").glob("*.npz"))
+    assert len(files) == 10
+    bodies = []
+    for file in files:
+        with np.load(file) as arrays:
+            directions = arrays["human_dir_vec"].reshape(-1, 42, 3)
+        poses = np.zeros((len(directions), 43, 3))
+        for child, direction in zip(children, directions.swapaxes(0, 1), strict=True):
+            parent = expressive.SKELETON.parents[child]
+            poses[:, child] = poses[:, parent] + lengths.get(child, 0.04) * direction
+        motion = Motion(expressive.SKELETON, 15.0, expressive.house_positions(poses))
+        assert find_joint_map(motion.skeleton).name == "ted_expressive"
+        body = to_upper_body(motion)
+        assert doubts_about(body) == []
+        bodies.append(body.positions)
+    at = dict(zip(EVALUATION_JOINTS, np.concatenate(bodies).swapaxes(0, 1), strict=True))
+
+    def degrees_between(bone, expected):
+        mean = (bone / np.linalg.norm(bone, axis=1, keepdims=True)).mean(axis=0)
+        cosine = mean @ expected / np.linalg.norm(mean) / np.linalg.norm(expected)
+        return np.degrees(np.arccos(cosine))
+
+    nose, head = at["nose"] - at["neck"], at["head"] - at["nose"]
+    assert degrees_between(nose, TED_NECK_TO_NOSE) < 10
+    assert degrees_between(head, TED_NOSE_TO_HEAD) < 10
+    # the published lengths are 0.18 and 0.14
+    assert 0.12 < np.linalg.norm(nose, axis=1).mean() < 0.20
+    assert 0.10 < np.linalg.norm(head, axis=1).mean() < 0.18
+
+
 def test_doubts_name_their_cause():
     motion, _ = person([0.0])
     body = to_upper_body(motion)
@@ -202,6 +271,12 @@ GOOD = "joints:\n" + "".join(f"  {name}: j\n" for name in EVALUATION_JOINTS)
         (GOOD.replace("nose: j", "nose: {joint: j, offset: [0, 1]}"), "nose: expected"),
         (GOOD.replace("nose: j", "nose: {joint: j, offset: [0, 1, .nan]}"), "nose: expected"),
         (GOOD.replace("nose: j", "nose: {joint: j, ofset: [0, 1, 2]}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {weights: {j: 0.5, k: 0.6}}"), "sum to 1"),
+        (GOOD.replace("nose: j", "nose: {weights: {j: one}}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {weights: {j: .nan}}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {weights: {}}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {weights: [j, k]}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {weights: {j: 1}, joint: j}"), "nose: expected"),
         (GOOD + "hips: [a, b]", "'hips' must be"),
         (GOOD + "markers: Hips", "'markers' must be a list"),
         (GOOD + "unit_scale: -1", "'unit_scale' must be"),

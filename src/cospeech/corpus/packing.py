@@ -69,11 +69,13 @@ class PackedSource:
         id: The source's id.
         recordings: In the source's order.
         dropped: What was left out; a source that could not be read is one entry of its own.
+        texts: The distinct words of it all, in order of first appearance.
     """
 
     id: str
     recordings: list[PackedRecording]
     dropped: list[Dropped] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
 
     @property
     def faults(self) -> list[Dropped]:
@@ -89,19 +91,25 @@ def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) ->
         joint_map: Where the evaluation joints are; found by the joints' names when None.
         upper_body: Whether the corpus has the ten evaluation joints.
     """
-    recordings, dropped = [], []
+    recordings: list[PackedRecording] = []
+    dropped: list[Dropped] = []
+    texts: dict[str, None] = {}
     try:
         for item in source.read():
             if isinstance(item, Dropped):
                 dropped.append(item)
+                texts |= dict.fromkeys(item.words)
                 continue
             try:
                 recordings.append(pack(item, joint_map, upper_body))
             except CospeechError as error:
                 dropped.append(Dropped(item.id, str(error), "unusable motion", True))
+            else:
+                texts |= dict.fromkeys(recordings[-1].texts)
+                texts |= dict.fromkeys(recordings[-1].interlocutor_texts)
     except CospeechError as error:
         dropped.append(Dropped(source.id, str(error), "unreadable", True))
-    return PackedSource(source.id, recordings, dropped)
+    return PackedSource(source.id, recordings, dropped, list(texts))
 
 
 def pack(
@@ -185,13 +193,14 @@ def journal_line(
     return {
         "source": source.id,
         "ends": dict(ends),
-        "dropped": [asdict(dropped) for dropped in source.dropped],
+        "dropped": [
+            {k: v for k, v in asdict(dropped).items() if k != "words"} for dropped in source.dropped
+        ],
+        "texts": source.texts,
         "recordings": [
             {
                 "facts": {**packed.facts, "skeleton": skeleton},
                 "rows": packed.rows,
-                "texts": packed.texts,
-                "interlocutor_texts": packed.interlocutor_texts,
             }
             for packed, skeleton in zip(source.recordings, skeletons, strict=True)
         ],

@@ -146,7 +146,7 @@ def _interleaved(
     first = math.ceil(piece.start_s * motion.fps - 1e-6)
     stop = min(len(motion), math.ceil(min(piece.stop_s, motion.duration) * motion.fps - 1e-6))
     positions = body_positions(motion.slice(first, stop), joints)
-    labels = np.asarray(labels[first:stop])
+    labels = np.array(labels[first:stop])
     count = math.ceil(motion.fps / STEP_FPS - 1e-6)
     rate = count * STEP_FPS
     if not math.isclose(rate, motion.fps, rel_tol=1e-6) and len(positions):

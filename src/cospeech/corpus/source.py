@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cospeech.corpus.recording import Recording
@@ -19,12 +19,16 @@ class Dropped:
         kind: The reason in a word or two, the same for all of its kind, for counting.
         is_fault: The data is damaged or doesn't fit, rather than left out by a rule of the corpus;
             such a thing stops the preparation where the user wants it strict.
+        windows: Filter -> number of candidate windows that it left out here.
+        words: What was said here, for published vocabularies count it all the same.
     """
 
     id: str
     reason: str
     kind: str
     is_fault: bool = False
+    windows: dict[str, int] = field(default_factory=dict)
+    words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

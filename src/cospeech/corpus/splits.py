@@ -143,14 +143,15 @@ def time_blocks(
         frames: Evaluation-rate frames of each recording.
         val_share: Share of each recording for validation.
         test_share: Share for testing.
-        minimum: Fewest frames a block needs to hold a window; a recording too short to give one to
-            each split trains whole.
+        minimum: Fewest frames a block needs to be judged; shares are raised to it, and a recording
+            too short to give as much to each split trains whole.
     """
     spans: dict[str, list[Span]] = {name: [] for name in SPLITS}
     for i, count in enumerate(frames):
-        val, test = round(count * val_share), round(count * test_share)
+        val = max(round(count * val_share), minimum)
+        test = max(round(count * test_share), minimum)
         train = count - val - test
-        if min(train, val, test) < minimum:
+        if train < minimum:
             spans["train"].append(Span(i, 0, count))
             continue
         spans["train"].append(Span(i, 0, train))

@@ -12,7 +12,6 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
@@ -143,6 +142,7 @@ class StoreWriter:
         """Append everything that came out of one source."""
         skeletons = list(self._skeletons)
         indices = []
+        self._number(source.texts)
         for packed in source.recordings:
             indices.append(_index_of(packed.skeleton, skeletons))
             data = dict(packed.data)
@@ -172,8 +172,12 @@ class StoreWriter:
     def _with_ids(self, rows: bytes, texts: Sequence[str]) -> bytes:
         """Word rows with ids in order of first appearance; `finish` makes them the vocabulary's."""
         words = np.frombuffer(rows, dtype="<f8").reshape(-1, 3).copy()
-        words[:, 2] = [self._texts.setdefault(text, len(self._texts)) for text in texts]
+        words[:, 2] = [self._texts[text] for text in texts]
         return words.tobytes()
+
+    def _number(self, texts: Sequence[str]) -> None:
+        for text in texts:
+            self._texts.setdefault(text, len(self._texts))
 
     def add(self, recording: Recording) -> None:
         """Append one recording.
@@ -182,12 +186,16 @@ class StoreWriter:
             CospeechError: The motion holds NaN, or its joints have no map to the upper body.
         """
         packed = pack(recording, self.joint_map, self.has_upper_body)
-        self.append(PackedSource(recording.id, [packed]))
+        texts = list(dict.fromkeys(packed.texts + packed.interlocutor_texts))
+        self.append(PackedSource(recording.id, [packed], texts=texts))
 
     def _note(self, entry: dict[str, Any]) -> None:
         """Keep what a journal entry says; the same for a new one and one of an earlier build."""
         self.sources_done.append(entry["source"])
-        self.skipped += [Dropped(**values) for values in entry["dropped"]]
+        self._number(entry["texts"])
+        for values in entry["dropped"]:
+            self.skipped.append(Dropped(**values))
+            self.dropped_windows.update(values["windows"])
         self._skeletons += entry["new_skeletons"]
         for values in entry["recordings"]:
             facts = values["facts"]
@@ -195,8 +203,6 @@ class StoreWriter:
                 self._columns[name].append(facts[name])
             for stream in STREAMS:
                 self._rows[stream].append(values["rows"][stream])
-            for text in (*values["texts"], *values["interlocutor_texts"]):
-                self._texts.setdefault(text, len(self._texts))
             self.dropped_windows.update(facts["dropped_windows"])
             if facts["window_grid"] is not None:
                 if self._window_grid not in (None, facts["window_grid"]):
@@ -273,7 +279,10 @@ class StoreWriter:
             },
             "statistics": self._statistics(splits["train"]) if self.has_upper_body else {},
             "sources": len(self.sources_done),
-            "skipped": [asdict(dropped) for dropped in self.skipped],
+            "skipped": [
+                {"id": item.id, "reason": item.reason, "kind": item.kind, "is_fault": item.is_fault}
+                for item in self.skipped
+            ],
             "dropped_windows": dict(sorted(self.dropped_windows.items())),
             "recordings": self._columns,
             "rows": self._rows,

@@ -6,13 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.doctor.findings import Check, Files, Finding, Severity
-from cospeech.doctor.stretches import (
-    long_stretches,
-    overlap_s,
-    stretches,
-    word_intervals,
-)
-from cospeech.speech.speech import SAMPLE_RATE, Speech
+from cospeech.doctor.stretches import long_stretches, overlap_s, stretches
+from cospeech.speech.speech import SAMPLE_RATE
 
 LEVEL_HZ = 100
 """Values of the level curve per second; 10 ms is shorter than any phoneme."""
@@ -65,14 +60,13 @@ def level_db(waveform: NDArray[np.float32]) -> NDArray[np.float64]:
     return 10 * np.log10(power + 10 ** (FLOOR_DB / 10))
 
 
-def check_audio(speech: Speech, files: Files) -> list[Finding]:
-    """NaN, flat tops, silence, and words that silence covers.
+def check_signal(waveform: NDArray[np.float32], files: Files) -> list[Finding]:
+    """NaN, nothing but silence, and flat tops.
 
     Args:
-        speech: Waveform and, where known, words.
-        files: What to call them.
+        waveform: ``(N,)`` at 16 kHz.
+        files: What to call it.
     """
-    waveform = speech.waveform
     if len(waveform) == 0:
         return []
     finite = np.isfinite(waveform)
@@ -87,9 +81,21 @@ def check_audio(speech: Speech, files: Files) -> list[Finding]:
                 "export the recording again; no player can play these samples either",
             )
         ]
-    silence = _silence(waveform, word_intervals(speech.words), files)
+    level = level_db(waveform)
+    if len(level) and np.percentile(level, 99) < SILENT_DB:
+        return [
+            Finding(
+                Check.SILENT,
+                Severity.ERROR,
+                files.audio,
+                None,
+                f"all of it is silent: 99 % stays below {SILENT_DB:g} dB of full scale",
+                "check that it is the right track or channel (an unused microphone?), and export"
+                " it again",
+            )
+        ]
     clipped = _clipped(waveform, files)
-    return [*silence, *([] if clipped is None else [clipped])]
+    return [] if clipped is None else [clipped]
 
 
 def _clipped(waveform: NDArray[np.float32], files: Files) -> Finding | None:
@@ -119,22 +125,18 @@ def _clipped(waveform: NDArray[np.float32], files: Files) -> Finding | None:
     )
 
 
-def _silence(
+def check_silence(
     waveform: NDArray[np.float32], words: NDArray[np.float64], files: Files
 ) -> list[Finding]:
+    """Stretches of silence: those that cover words, and long ones.
+
+    Args:
+        waveform: ``(N,)`` at 16 kHz, finite.
+        words: ``(W, 2)`` word intervals, s, of a transcript that fits; none where it doesn't, since
+            misplaced words lie in pauses.
+        files: What to call it.
+    """
     level = level_db(waveform)
-    if len(level) and np.percentile(level, 99) < SILENT_DB:
-        return [
-            Finding(
-                Check.SILENT,
-                Severity.ERROR,
-                files.audio,
-                None,
-                f"all of it is silent: 99 % stays below {SILENT_DB:g} dB of full scale",
-                "check that it is the right track or channel (an unused microphone?), and export"
-                " it again",
-            )
-        ]
     lost, idle = [], []
     constant = _constant(waveform)
     hop = SAMPLE_RATE // LEVEL_HZ
@@ -152,14 +154,14 @@ def _silence(
             idle.append(stretch)
     findings = []
     if lost:
+        spoken = sum(stretch[2] for stretch in lost)
         findings.append(
             Finding(
                 Check.SILENT,
                 Severity.ERROR,
                 files.audio,
                 lost[0][0],
-                f"silent {_where(lost)}, where the transcript has {sum(s[2] for s in lost):.1f} s of"
-                " words",
+                f"silent {_where(lost)}, where the transcript has {spoken:.1f} s of words",
                 "export the audio again (was it muted or lost there?), or check that the transcript"
                 " is of this recording",
             )

@@ -30,7 +30,8 @@ def compare(examinations: Sequence[Examination], by_speakers: bool = False) -> l
     for i, examination in enumerate(examinations):
         own = examination.findings
         if i in owners:
-            own = [finding for finding in own if finding.check is not Check.TRANSCRIPT]
+            # Words of another recording also end elsewhere.
+            own = [f for f in own if f.check not in (Check.TRANSCRIPT, Check.WORD_TIMES)]
             own = [*own, owners[i]]
         findings += own
     clock = check_clock(

@@ -8,23 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.recording import Recording
-from cospeech.doctor.audio import check_audio, level_db
+from cospeech.doctor.audio import check_signal, check_silence, level_db
 from cospeech.doctor.body import find_body
-from cospeech.doctor.findings import Check, Files, Finding, Severity, has_errors
+from cospeech.doctor.findings import Check, Files, Finding, has_errors
 from cospeech.doctor.fingerprints import Fingerprints, audio_fingerprints, motion_fingerprints
 from cospeech.doctor.lengths import Lengths, check_lengths
 from cospeech.doctor.motion import (
     check_finite,
-    check_frozen,
     check_jumps,
     check_swaps,
     find_swaps,
 )
-from cospeech.doctor.posture import check_sides, check_units, check_vertical
+from cospeech.doctor.posture import check_picture, check_sides, check_units, check_vertical
+from cospeech.doctor.standstill import check_standstills, find_standstills
 from cospeech.doctor.stretches import word_intervals
 from cospeech.doctor.transcript import Doubt, check_transcript
 from cospeech.doctor.words import check_word_rate, check_words_end
 from cospeech.motion.joint_map import JointMap
+
+MOST_WORDS_SHARE = 2.0
+"""Words that go on for longer than this share of the audio are not looked for in it: their times
+are in another unit."""
 
 SPREAD_TIMING = "spread"
 """``annotations["word_timing"]`` of words that were spread over a text: no times to judge."""
@@ -105,23 +109,16 @@ def examine_closely(
     silent = bool(recording.annotations.get("silent"))
     has_audio = len(speech.waveform) > 0 and not silent
     findings: list[Finding] = []
-    if has_audio:
-        findings += check_audio(speech, files)
-        if lengths is None:
-            lengths = Lengths(motion.duration, speech.duration, motion.fps)
-            findings += check_lengths(lengths, files)
-    audio_is_fine = has_audio and not has_errors(findings)
+    if has_audio and lengths is None:
+        lengths = Lengths(motion.duration, speech.duration, motion.fps)
+        findings += check_lengths(lengths, files)
     findings += _examine_motion(recording, files, joint_map)
-    intervals = word_intervals(speech.words)
     doubt = None
-    if speech.words is not None:
+    if has_audio:
+        heard, doubt = _examine_speech(recording, files)
+        findings += heard
+    elif speech.words is not None:
         findings += check_words_end(speech.words, duration, files)
-        if has_audio:
-            findings += check_word_rate(speech, files, recording.interlocutor is not None)
-        timed = recording.annotations.get("word_timing") != SPREAD_TIMING
-        if audio_is_fine and timed and not _has(findings, Check.WORD_TIMES):
-            fits, doubt = check_transcript(level_db(speech.waveform), intervals, files)
-            findings += fits
     traces = Traces(
         recording.id,
         recording.speaker,
@@ -130,10 +127,36 @@ def examine_closely(
         lengths,
         audio_fingerprints(speech.waveform if has_audio else speech.waveform[:0]),
         motion_fingerprints(motion),
-        intervals if speech.words else None,
+        word_intervals(speech.words) if speech.words else None,
         doubt,
     )
     return Examination(findings, traces, duration)
+
+
+def _examine_speech(recording: Recording, files: Files) -> tuple[list[Finding], Doubt | None]:
+    speech = recording.speech
+    findings = check_signal(speech.waveform, files)
+    is_heard = not any(f.check in (Check.NOT_A_NUMBER, Check.SILENT) for f in findings)
+    intervals = word_intervals(speech.words)
+    ends: list[Finding] = []
+    if speech.words is not None:
+        ends = check_words_end(speech.words, speech.duration, files)
+        words = check_word_rate(speech, files, recording.interlocutor is not None)
+    else:
+        words = []
+    is_timed = recording.annotations.get("word_timing") != SPREAD_TIMING
+    in_seconds = len(intervals) > 0 and intervals.max() < MOST_WORDS_SHARE * speech.duration
+    doubt = None
+    if is_heard and is_timed and in_seconds and not has_errors(words):
+        verdict = check_transcript(level_db(speech.waveform), intervals, files)
+        words += verdict.findings
+        doubt = verdict.doubt
+        ends = [] if verdict.misplaced else ends
+    words += ends
+    if is_heard:
+        fitting = intervals if is_timed and not has_errors(words) else intervals[:0]
+        findings += check_silence(speech.waveform, fitting, files)
+    return findings + words, doubt
 
 
 def _examine_motion(
@@ -156,10 +179,11 @@ def _examine_motion(
         findings += check_swaps(motion, swaps, files)
         if not vertical and len(swaps) == 0:
             findings += check_sides(body, motion, joint_map, files)
-    findings += check_frozen(motion, body, files)
-    findings += check_jumps(motion, body, swaps, files)
+    findings += check_picture(motion, files)
+    standstills = find_standstills(motion, body)
+    findings += check_standstills(motion, standstills, files)
+    ends = [frame for still in standstills for frame in (still.start, still.stop)]
+    inside = [frame for frame in ends if 0 < frame < len(motion)]
+    explained = np.concatenate([swaps, np.array(inside, np.int64)])
+    findings += check_jumps(motion, body, explained, files)
     return findings
-
-
-def _has(findings: list[Finding], check: Check) -> bool:
-    return any(f.check is check and f.severity is Severity.ERROR for f in findings)

@@ -57,7 +57,9 @@ def audio_fingerprints(waveform: NDArray[np.float32]) -> Fingerprints:
     landmarks = _landmarks(strength, round(REACH_S * SAMPLE_RATE), LOUD * 32767)
     half = round(AUDIO_BYTES_S / 2 * SAMPLE_RATE)
     landmarks = landmarks[(landmarks >= half) & (landmarks < len(samples) - half)]
-    return _hashed([samples[i - half : i + half].tobytes() for i in landmarks], landmarks, SAMPLE_RATE)
+    return _hashed(
+        [samples[i - half : i + half].tobytes() for i in landmarks], landmarks, SAMPLE_RATE
+    )
 
 
 def motion_fingerprints(motion: Motion) -> Fingerprints:

@@ -1,4 +1,4 @@
-"""Motion that stands still, jumps, or changes sides."""
+"""Motion that is not a number, jumps, or changes sides."""
 
 from __future__ import annotations
 
@@ -7,24 +7,7 @@ from numpy.typing import NDArray
 
 from cospeech.doctor.body import LEFT_ARM, RIGHT_ARM, Body
 from cospeech.doctor.findings import Check, Files, Finding, Severity
-from cospeech.doctor.stretches import long_stretches
 from cospeech.motion.motion import Motion
-
-STILL_M = 2e-5
-"""Step of a joint between two frames below which it does not move, m. Recorded people who rest
-never stayed below it for more than 0.1 s."""
-
-STILL_TURN = 2e-6
-"""The same for the components of a joint's local rotation."""
-
-STILL_PX = 1e-3
-"""The same for keypoints of a picture, pixels."""
-
-FROZEN_BODY_S, LONG_FROZEN_BODY_S = 0.5, 2.0
-"""A whole body that does not move at all for so long lost its capture; the second is an error."""
-
-FROZEN_JOINT_S = 3.0
-"""An arm or head that does not move at all for so long while other joints do, s."""
 
 FASTEST_M_PER_S = 15.0
 """No hand of a talking person moves faster relative to the body; recorded gestures reach 11."""
@@ -43,6 +26,9 @@ SWAP_M, SWAP_SHARE = 0.3, 0.25
 """Left and right are exchanged between two frames when elbows and wrists move by more than the
 first in sum, m, and by less than the second of that if they are exchanged back."""
 
+SHOULDERS_M = 0.36
+"""Distance of an adult's shoulders, m: the scale of a picture."""
+
 _MENTIONED = 5
 
 
@@ -51,7 +37,7 @@ def check_finite(motion: Motion, files: Files) -> list[Finding]:
     bad = motion.first_bad_frame()
     if bad is None:
         return []
-    wrong = ~np.isfinite(motion.positions).all(axis=2)
+    wrong = np.any(~np.isfinite(motion.positions), axis=2)
     joint = motion.skeleton.joints[int(wrong[bad].argmax())]
     return [
         Finding(
@@ -64,91 +50,6 @@ def check_finite(motion: Motion, files: Files) -> list[Finding]:
             "fill the gap in the capture software, or cut the recording there",
         )
     ]
-
-
-def check_frozen(motion: Motion, body: Body | None, files: Files) -> list[Finding]:
-    """A body, an arm or a head that does not move at all for a while.
-
-    Args:
-        motion: Finite.
-        body: Its upper body, where it has one.
-        files: What to call them.
-    """
-    if len(motion) < 2:
-        return []
-    still = STILL_PX if motion.dimensions == 2 else STILL_M * (1.0 if body is None else body.scale)
-    moves = (np.abs(np.diff(motion.positions, axis=0)) > still).any(axis=(1, 2))
-    findings = []
-    frozen = long_stretches(~moves, FROZEN_BODY_S * motion.fps)
-    if len(frozen):
-        longest = float((frozen[:, 1] - frozen[:, 0]).max() / motion.fps)
-        start, stop = frozen[(frozen[:, 1] - frozen[:, 0]).argmax()] / motion.fps
-        more = f", the longest of {len(frozen)} such stretches" if len(frozen) > 1 else ""
-        findings.append(
-            Finding(
-                Check.FROZEN,
-                Severity.ERROR if longest >= LONG_FROZEN_BODY_S else Severity.WARNING,
-                files.motion,
-                float(start),
-                f"no joint moves from {start:.2f} to {stop:.2f} s{more}",
-                "the capture was lost there: cut the stretch out, or leave the recording out",
-            )
-        )
-    if body is not None:
-        findings += _frozen_limbs(motion, body, moves, still, files)
-    return findings
-
-
-def _frozen_limbs(
-    motion: Motion, body: Body, moves: NDArray[np.bool_], still: float, files: Files
-) -> list[Finding]:
-    groups = (("the head", (3,)), ("the left arm", (5, 6)), ("the right arm", (8, 9)))
-    findings = []
-    for limb, points in groups:
-        for point in points:
-            frozen = _frozen_point(motion, body, point, still) & moves
-            # Frames in which nothing moves join the stretch around them.
-            runs = long_stretches(frozen | ~moves, FROZEN_JOINT_S * motion.fps)
-            runs = [run for run in runs if frozen[run[0] : run[1]].mean() > 0.5]
-            if not runs:
-                continue
-            start, stop = max(runs, key=lambda run: run[1] - run[0]) / motion.fps
-            whole = stop - start > 0.98 * motion.duration
-            # Some captures have no head sensor: the joint is there and never turns.
-            severity = Severity.WARNING if limb == "the head" or whole else Severity.ERROR
-            findings.append(
-                Finding(
-                    Check.FROZEN,
-                    severity,
-                    files.motion,
-                    float(start),
-                    f"{limb} ({body.names[point]}) does not move"
-                    + (" in the whole recording" if whole else f" from {start:.2f} to {stop:.2f} s")
-                    + ", while the rest does",
-                    "the joint was not captured: leave it out of what is judged, or the recording"
-                    if whole
-                    else "its tracking was lost there: cut the stretch out, or leave the recording"
-                    " out",
-                )
-            )
-            break
-    return findings
-
-
-def _frozen_point(
-    motion: Motion, body: Body, point: int, still: float
-) -> NDArray[np.bool_]:
-    """Per step, whether a point of a limb stays in the room, on its parent, or in its rotation."""
-    parent = {3: 1, 5: 4, 6: 5, 8: 7, 9: 8}[point]
-    place = body.points[:, point]
-    frozen = (np.abs(np.diff(place, axis=0)) < still).all(axis=1)
-    frozen |= (np.abs(np.diff(place - body.points[:, parent], axis=0)) < still).all(axis=1)
-    # The elbow is moved by the rotation of the shoulder's joint, the wrist by the elbow's.
-    turning = body.joints[point if point == 3 else parent]
-    if motion.rotations_local is not None and turning is not None:
-        steps = np.abs(np.diff(motion.rotations_local[:, turning], axis=0))
-        frozen |= (steps < STILL_TURN).all(axis=1)
-    return frozen
 
 
 def find_swaps(motion: Motion, body: Body) -> NDArray[np.int64]:
@@ -191,7 +92,7 @@ def check_swaps(motion: Motion, swaps: NDArray[np.int64], files: Files) -> list[
 
 
 def check_jumps(
-    motion: Motion, body: Body | None, swaps: NDArray[np.int64], files: Files
+    motion: Motion, body: Body | None, explained: NDArray[np.int64], files: Files
 ) -> list[Finding]:
     """Joints that are elsewhere in the next frame.
 
@@ -199,20 +100,20 @@ def check_jumps(
     is moved; the root has its own limit. The joint named is the highest of those that jump.
 
     Args:
-        motion: Finite, three-dimensional.
+        motion: Finite.
         body: Its upper body; gives the size.
-        swaps: Frames that `find_swaps` explains.
+        explained: Frames that may be far from the one before them: arms change places, or a body
+            moves on after a standstill.
         files: What to call them.
     """
-    if len(motion) < 3 or motion.dimensions != 3:
+    scale = _units_per_metre(motion, body)
+    if len(motion) < 3 or scale is None:
         return []
-    scale = 1.0 if body is None else body.scale
     root = motion.skeleton.parents.index(-1)
     own = motion.positions - motion.positions[:, root : root + 1]
     own[:, root] = motion.positions[:, root]
     speed = np.linalg.norm(np.diff(own, axis=0), axis=-1) * (motion.fps / scale)
-    if len(swaps):
-        speed[swaps - 1] = 0.0
+    speed[explained - 1] = 0.0
     limit = np.full(len(motion.skeleton), FASTEST_M_PER_S)
     limit[root] = FASTEST_ROOT_M_PER_S
     too_fast = speed > limit
@@ -221,6 +122,8 @@ def check_jumps(
     for jumps, severity in ((too_fast, Severity.ERROR), (lonely, Severity.WARNING)):
         if not jumps.any():
             continue
+        # Where the size is a guess, so is the speed.
+        severity = severity if body is not None else Severity.WARNING
         frames = np.flatnonzero(jumps.any(axis=1))
         worst = int(frames[(speed * jumps)[frames].max(axis=1).argmax()])
         joint = int(jumps[worst].argmax())
@@ -241,6 +144,20 @@ def check_jumps(
             )
         )
     return findings
+
+
+def _units_per_metre(motion: Motion, body: Body | None) -> float | None:
+    """Size of a metre in the motion; None where it can't be known."""
+    if body is not None:
+        return body.scale
+    if motion.dimensions == 3:
+        return 1.0
+    names = ("left_shoulder", "right_shoulder")
+    if any(name not in motion.skeleton.index for name in names):
+        return None
+    places = motion.positions[:, [motion.skeleton.index[name] for name in names]]
+    width = float(np.median(np.linalg.norm(places[:, 0] - places[:, 1], axis=-1)))
+    return width / SHOULDERS_M if width > 0 else None
 
 
 def _lonely(speed: NDArray[np.floating], fps: float) -> NDArray[np.bool_]:

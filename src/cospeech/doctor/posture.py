@@ -44,6 +44,9 @@ nothing (9 degrees)."""
 FORWARD_NOSE_M = 0.02
 """Mean distance of the nose before or behind the line from neck to head that says something, m."""
 
+UPSIDE_DOWN = 0.3
+"""Mean height of the elbows over the shoulders, in shoulder widths, of a picture upside down."""
+
 NOSE_FRAMES = 200
 """Frames that are enough for the mean place of the nose."""
 
@@ -201,3 +204,43 @@ def _elbow_bend(points: NDArray[np.float64], front: NDArray[np.float64]) -> tupl
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
+
+
+def check_picture(motion: Motion, files: Files) -> list[Finding]:
+    """Whether keypoints of a picture are upright and the left shoulder is at +x.
+
+    Args:
+        motion: Two-dimensional; joints called ``left_shoulder``, ``left_elbow`` and so on.
+        files: What to call them.
+    """
+    index = motion.skeleton.index
+    names = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow")]
+    if motion.dimensions != 2 or len(motion) == 0 or any(name not in index for name in names):
+        return []
+    places = motion.positions[:, [index[name] for name in names]].astype(np.float64)
+    left, left_elbow, right, right_elbow = places.mean(axis=0)
+    width = float(np.linalg.norm(left - right)) or 1.0
+    if (left_elbow + right_elbow - left - right)[1] / 2 > UPSIDE_DOWN * width:
+        return [
+            Finding(
+                Check.VERTICAL,
+                Severity.ERROR,
+                files.motion,
+                None,
+                "the elbows are above the shoulders: y points down",
+                "turn the sign of y",
+            )
+        ]
+    if (left - right)[0] < 0:
+        return [
+            Finding(
+                Check.SIDES,
+                Severity.ERROR,
+                files.motion,
+                None,
+                "the left shoulder is at -x of the right one",
+                "exchange left and right, or turn the sign of x; a speaker with the back to the"
+                " camera looks the same",
+            )
+        ]
+    return []

@@ -63,7 +63,11 @@ def check_spans(traces: Sequence[Traces]) -> list[Finding]:
 
 
 def check_content(traces: Sequence[Traces]) -> list[Finding]:
-    """The same audio or motion in two recordings: an error across splits, else a warning."""
+    """The same audio or motion in two recordings.
+
+    Any shared stretch is an error across splits. Within a split only whole copies are told of:
+    published sets cut overlapping windows from one video.
+    """
     shared: dict[tuple[int, int], dict[str, list[tuple[float, float]]]] = defaultdict(
         lambda: defaultdict(list)
     )
@@ -87,8 +91,9 @@ def check_content(traces: Sequence[Traces]) -> list[Finding]:
             for kind, times in kinds.items()
             if len(times) >= _enough(len(getattr(one, kind).hashes), len(getattr(two, kind).hashes))
         }
-        if common:
-            findings.append(_content_finding(one, two, common))
+        finding = _content_finding(one, two, common) if common else None
+        if finding is not None:
+            findings.append(finding)
     return findings
 
 
@@ -122,7 +127,7 @@ def _enough(one: int, two: int) -> int:
 
 def _content_finding(
     one: Traces, two: Traces, common: dict[str, NDArray[np.float64]]
-) -> Finding:
+) -> Finding | None:
     pairs = {
         (a, b)
         for times in common.values()
@@ -132,30 +137,38 @@ def _content_finding(
         if a != b
     }
     what, times = max(common.items(), key=lambda item: len(item[1]))
-    first, last = times[:, 0].min(), times[:, 0].max()
-    both = " and ".join(common)
-    name = one.files.audio if what == "audio" else one.files.motion
-    other = two.files.audio if what == "audio" else two.files.motion
-    if pairs:
-        splits = ", ".join(f"{a} and {b}" for a, b in sorted(pairs))
-        return Finding(
-            Check.OVERLAP,
-            Severity.ERROR,
-            name,
-            float(first),
-            f"the same {both} are in {one.id} ({first:.1f} to {last:.1f} s) and in {two.id} (from"
-            f" {times[:, 1].min():.1f} s, {other}), and these are in different splits: {splits}",
-            "put both in one split, or leave one out: what is tested must not be trained on",
-        )
-    return Finding(
-        Check.DUPLICATE,
-        Severity.WARNING,
-        name,
-        float(first),
-        f"the same {both} are in {one.id} ({first:.1f} to {last:.1f} s) and in {two.id} (from"
-        f" {times[:, 1].min():.1f} s, {other})",
-        "leave one of the two out, and split so that both are on one side",
+    if not pairs and not all(_is_copy(one, two, kind, common[kind]) for kind in common):
+        return None
+    first, last = float(times[:, 0].min()), float(times[:, 0].max())
+    names = [t.files.audio if what == "audio" else t.files.motion for t in (one, two)]
+    same = (
+        f"the same {' and '.join(common)} are in {one.id} ({first:.1f} to {last:.1f} s) and in"
+        f" {two.id} (from {times[:, 1].min():.1f} s; {names[1]})"
     )
+    if not pairs:
+        return Finding(
+            Check.DUPLICATE,
+            Severity.WARNING,
+            names[0],
+            first,
+            same,
+            "leave one of the two out, and split so that both are on one side",
+        )
+    splits = ", ".join(f"{a} and {b}" for a, b in sorted(pairs))
+    return Finding(
+        Check.OVERLAP,
+        Severity.ERROR,
+        names[0],
+        first,
+        f"{same}, which are in different splits: {splits}",
+        "put both in one split, or leave one out: what is tested must not be trained on",
+    )
+
+
+def _is_copy(one: Traces, two: Traces, kind: str, times: NDArray[np.float64]) -> bool:
+    counts = [len(getattr(trace, kind).hashes) for trace in (one, two)]
+    aligned = np.abs(times[:, 0] - times[:, 1]) < 0.1
+    return bool(aligned.all()) and len(times) >= 0.9 * max(counts)
 
 
 def _splits_at(trace: Traces, time_s: float) -> set[str]:

@@ -28,6 +28,10 @@ DISTINCT = 0.2
 DOUBTFUL, WRONG = 0.3, 0.15
 """Correlations below which a transcript that fits nowhere is mentioned, and is an error."""
 
+SURE_WORDS, SURE_S = 30, 14.0
+"""Words, and seconds from the first to the last, from which "fits nowhere" is an error; in less,
+music, laughter or interpolated times look the same."""
+
 DRIFT_S = 0.2
 """Difference between the shifts of the first and last third that is drift, s."""
 
@@ -51,35 +55,48 @@ class Doubt:
     fit: Fit
 
 
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What is thought of a transcript.
+
+    Attributes:
+        findings: At most one.
+        doubt: Where the transcript may be that of another recording: what is found then says
+            otherwise only until `find_owner` has looked.
+        misplaced: Whether the words are known to be elsewhere, so that words beyond an end of the
+            audio are no fault of their own.
+    """
+
+    findings: list[Finding]
+    doubt: Doubt | None = None
+    misplaced: bool = False
+
+
 def check_transcript(
     level: NDArray[np.float64], intervals: NDArray[np.float64], files: Files
-) -> tuple[list[Finding], Doubt | None]:
+) -> Verdict:
     """Whether the words are where the speech is.
 
     Args:
         level: ``(N,)`` dB, of the whole audio.
         intervals: ``(W, 2)`` starts and ends of words, s.
         files: What to call them.
-
-    Returns:
-        Findings, and the doubt where the transcript may be that of another recording: what is found
-        then says so only if `find_owner` finds none.
     """
-    if not is_judgeable(intervals):
-        return [], None
-    fit = fit_words(level, intervals)
+    fit = fit_words(level, intervals) if is_judgeable(intervals) else None
     if fit is None:
-        return [], None
+        return Verdict([])
     drift = _drift(level, intervals, fit)
     if drift is not None:
-        return [_drift_finding(*drift, files)], None
+        return Verdict([_drift_finding(*drift, files)], misplaced=True)
     gain = fit.best - fit.at_zero
     distinct = fit.best - fit.runner_up > DISTINCT
     if fit.best >= FITS and distinct and abs(fit.shift_s) >= SHIFT_S and gain > BETTER:
-        return [_shift_finding(fit, files)], Doubt(level.astype(np.float32), fit)
+        doubt = Doubt(level.astype(np.float32), fit)
+        return Verdict([_shift_finding(fit, files)], doubt, misplaced=True)
     if fit.at_zero >= FITS or (fit.at_zero >= DOUBTFUL and gain < BETTER):
-        return [], None
-    wrong = gain > BETTER or fit.at_zero < WRONG
+        return Verdict([])
+    sure = is_judgeable(intervals, least_words=SURE_WORDS, least_s=SURE_S)
+    wrong = sure and (gain > BETTER or fit.at_zero < WRONG)
     finding = Finding(
         Check.TRANSCRIPT,
         Severity.ERROR if wrong else Severity.WARNING,
@@ -90,7 +107,7 @@ def check_transcript(
         f"listen to {files.audio} with the transcript: is it of another recording? If it is right,"
         " align it again (music or noise can also hide the speech)",
     )
-    return [finding], Doubt(level.astype(np.float32), fit)
+    return Verdict([finding], Doubt(level.astype(np.float32), fit))
 
 
 def find_owner(

@@ -94,7 +94,9 @@ def fit_words(
     reach = len(profile) // 2
     best = int(np.nanargmax(profile))
     near = round(NEAR_S * LEVEL_HZ)
-    elsewhere = np.delete(profile, np.arange(max(0, best - near), best + near + 1).clip(max=2 * reach))
+    elsewhere = np.delete(
+        profile, np.arange(max(0, best - near), best + near + 1).clip(max=2 * reach)
+    )
     runner_up = float(np.nanmax(elsewhere)) if np.isfinite(elsewhere).any() else -1.0
     at_zero = float(profile[reach])
     return Fit(

@@ -68,7 +68,7 @@ def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list
     findings = []
     beyond = np.flatnonzero(times[:, 1] > audio_s + BEYOND_S)
     if len(beyond):
-        severity = Severity.ERROR if last > audio_s + FAR_BEYOND_S else Severity.WARNING
+        severity = _severity(last - audio_s, len(beyond))
         findings.append(
             Finding(
                 Check.WORD_TIMES,
@@ -81,18 +81,25 @@ def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list
             )
         )
     if first < -BEYOND_S:
+        before = int((times[:, 0] < -BEYOND_S).sum())
         findings.append(
             Finding(
                 Check.WORD_TIMES,
-                Severity.ERROR if first < -FAR_BEYOND_S else Severity.WARNING,
+                _severity(-first, before),
                 files.words,
                 first,
-                f"{int((times[:, 0] < -BEYOND_S).sum())} words start before the audio, the first at"
-                f" {first:.2f} s",
+                f"{before} words start before the audio, the first at {first:.2f} s",
                 "take the offset of the cut out of the word times",
             )
         )
     return findings
+
+
+def _severity(over_s: float, words: int) -> Severity:
+    """Of words that reach over an end; one that was cut by it is no fault."""
+    if over_s > FAR_BEYOND_S:
+        return Severity.ERROR
+    return Severity.WARNING if words > 1 else Severity.NOTE
 
 
 def check_word_rate(speech: Speech, files: Files, is_dialogue: bool) -> list[Finding]:

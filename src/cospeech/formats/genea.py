@@ -77,6 +77,13 @@ def find_genea_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
             " main-agent/bvh/trn_2023_v0_000_main-agent.bvh (2023)",
             hint="unpack the challenge's zip files and point data.root at their folder",
         )
+    years = sorted({name.split("_")[1] for name, _ in sides})
+    if len(years) > 1:
+        raise CospeechError(
+            f"{root} holds the editions {' and '.join(years)}, which overlap: what 2022 validates"
+            " with, 2023 trains with",
+            hint="point data.root at the folder of one of them",
+        )
     speakers = _all_speakers(root)
     takes = []
     for (name, side), same in sides.items():

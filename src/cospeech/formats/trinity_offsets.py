@@ -12,7 +12,6 @@ import math
 import re
 from collections import defaultdict
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from cospeech.errors import InputFileError
@@ -22,6 +21,7 @@ from cospeech.formats.mocap.takes import Excerpt
 TABLE_NAMES = ("offsets.csv", "AlignmentTimes.csv")
 _TABLE_FPS = 30.0
 _MOST_SECONDS = 3600.0
+_MOST_FRAMES = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,6 @@ def find_offsets(motion: Path, root: Path, table: str | Path | None = None) -> O
     return None
 
 
-@cache
 def read_offsets(path: Path) -> OffsetTable:
     """Read either kind of table.
 
@@ -95,7 +94,7 @@ def read_offsets(path: Path) -> OffsetTable:
 def _by_frames(path: Path, row: Row) -> Excerpt:
     start, stop = _number(path, row, 1), _number(path, row, 2)
     offset, rate = _number(path, row, 4), _number(path, row, 5)
-    if not 1 <= rate <= 1000 or start < 0:
+    if not (1 <= rate <= 1000 and 0 <= start <= _MOST_FRAMES and stop <= _MOST_FRAMES):
         raise InputFileError(
             path,
             f"{', '.join(row.fields)[:100]!r} is not name, start, stop, offset at 30 fps, offset in"

@@ -102,7 +102,7 @@ def word_frames(
     frames: int,
     fps: float,
 ) -> NDArray[np.int64]:
-    """Frame of each word's onset in its window: ``max(0, floor((start_w - window_start) / frame))``.
+    """Frame of each word's onset in its window: ``max(0, floor((start - window_start) / frame))``.
 
     Args:
         word_starts: ``(W,)`` onsets in s.

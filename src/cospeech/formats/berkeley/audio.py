@@ -112,11 +112,12 @@ def _resampled(file: soundfile.SoundFile, frames: int) -> NDArray[np.float32]:
         raise RuntimeError(f"a sample rate of {file.samplerate} Hz")
     stream = soxr.ResampleStream(file.samplerate, SAMPLE_RATE, 1, dtype="float32")
     block = max(1, _BLOCK_VALUES // file.channels)
+    average = np.full(file.channels, 1 / file.channels, dtype=np.float32)
     parts: list[NDArray[np.float32]] = []
     is_last = False
     while not is_last:
         values = file.read(min(block, frames), dtype="float32", always_2d=True)
         frames -= len(values)
         is_last = frames == 0 or len(values) < min(block, frames + len(values))
-        parts.append(stream.resample_chunk(values.mean(axis=1), last=is_last))
+        parts.append(stream.resample_chunk(values @ average, last=is_last))
     return np.concatenate(parts)

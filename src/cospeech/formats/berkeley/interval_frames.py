@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -95,7 +95,7 @@ def read_keypoint_files(root: Path, index: RowIndex, key: Key, limit: int | None
     problems = _Problems()
     names = ("frame_id", "pose_dt", "pose_fn", "dataset", "video_fn", "video_link")
     table = index.rows(key, names)
-    rows: list[tuple[float, float, PurePosixPath, str, str, str]] = []
+    rows: list[tuple[float, float, str, str, str, str]] = []
     for frame, pose_dt, pose_fn, dataset, video, link in table:
         try:
             time, path = parse_time(pose_dt), below(pose_fn, "keypoints_simple")
@@ -136,7 +136,7 @@ def read_samples(root: Path, index: RowIndex, key: Key, limit: int | None) -> In
     """
     problems = _Problems()
     table = index.rows(key, ("start", "end", "pose_fn", "dataset", "video_fn"))
-    rows: list[tuple[float, float, PurePosixPath, str, str]] = []
+    rows: list[tuple[float, float, str, str, str]] = []
     for first, final, pose_fn, dataset, video in table:
         try:
             path = below(pose_fn, "npz")
@@ -216,14 +216,14 @@ def _spread(rows: list[_Row], limit: int | None) -> list[_Row]:
     return [rows[int(i)] for i in np.linspace(0, len(rows) - 1, limit)]
 
 
-def _existing(folder: Path, path: PurePosixPath, suffix: str) -> Path:
+def _existing(folder: Path, path: str, suffix: str) -> Path:
     for name in spellings(path, suffix):
         if (folder / name).is_file():
             return folder / name
     raise FileNotFoundError
 
 
-def _read_any(folder: Path, path: PurePosixPath, suffix: str, most: int) -> bytes:
+def _read_any(folder: Path, path: str, suffix: str, most: int) -> bytes:
     # Opening, not asking first: there are millions of these files.
     for name in spellings(path, suffix):
         try:

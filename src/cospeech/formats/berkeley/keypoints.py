@@ -39,7 +39,7 @@ BERKELEY_2D = Skeleton(
 
 COUNT = len(BERKELEY_2D)
 COUNT_WITH_FACE = COUNT + 3
-_FACE_COLUMNS = [7, 8, 9]
+_WITHOUT_FACE = [*range(7), *range(10, COUNT_WITH_FACE)]
 
 
 def parse_keypoints(data: bytes) -> NDArray[np.float64]:
@@ -69,7 +69,7 @@ def without_face(keypoints: NDArray[Any]) -> NDArray[np.float64]:
         ValueError: Another shape, NaN, or numbers that no picture has.
     """
     if keypoints.shape[-2:] == (2, COUNT_WITH_FACE):
-        keypoints = np.delete(keypoints, _FACE_COLUMNS, axis=-1)
+        keypoints = keypoints[..., _WITHOUT_FACE]
     if keypoints.shape[-2:] != (2, COUNT):
         raise ValueError(f"an array of shape {keypoints.shape}; expected 2 x 49 or 2 x 52")
     # Written so that NaN fails too.

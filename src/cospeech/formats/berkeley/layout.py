@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import zlib
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 FRAME_TABLES = ("frames_df_10_19_19.csv", "frames.csv", "frames_df_2_16_19.csv")
 """Names of the table of frames, in order of preference."""
@@ -48,7 +48,7 @@ def parse_time(text: str) -> float:
     return whole + float((fraction or ".0").replace(",", "."))
 
 
-def below(value: str, marker: str) -> PurePosixPath:
+def below(value: str, marker: str) -> str:
     """A path of the tables as it is below a folder called ``marker``.
 
     Tables hold relative paths or absolute ones of another machine: what follows the last
@@ -57,31 +57,31 @@ def below(value: str, marker: str) -> PurePosixPath:
     Raises:
         ValueError: It is empty or climbs out of the folder.
     """
-    if re.match(r"[A-Za-z]:\\", value):
-        value = value.replace("\\", "/")
-    path = PurePosixPath(value.strip())
-    parts = path.parts
+    path = value.strip()
+    is_absolute = path.startswith("/")
+    if path[1:3] == ":\\":
+        path, is_absolute = path.replace("\\", "/"), True
+    parts = [part for part in path.split("/") if part and part != "."]
     if marker in parts:
         parts = parts[len(parts) - parts[::-1].index(marker) :]
-    elif path.is_absolute():
-        parts = parts[1:][-2:]
-    if not parts or ".." in parts or "\0" in value:
+    elif is_absolute:
+        parts = parts[-2:]
+    if not parts or ".." in parts or "\0" in path:
         raise ValueError(f"{value[:120]!r} is no path in the folder {marker}")
-    return PurePosixPath(*parts)
+    return "/".join(parts)
 
 
-def spellings(path: PurePosixPath, suffix: str) -> Iterator[str]:
+def spellings(path: str, suffix: str) -> Iterator[str]:
     """How a file of the tables may be called on disk.
 
-    As written, with its suffix where the table leaves it out, and with ``_`` for ``:``, which
+    With its suffix where the table leaves it out, as written, and with ``_`` for ``:``, which
     Windows has no name with.
     """
-    name = str(path)
-    if not name.endswith(suffix):
-        yield name + suffix
-        yield (name + suffix).replace(":", "_")
-    yield name
-    yield name.replace(":", "_")
+    names = [path] if path.endswith(suffix) else [path + suffix, path]
+    for name in names:
+        yield name
+        if ":" in name:
+            yield name.replace(":", "_")
 
 
 def recording_name(speaker: str, interval: str) -> str:

@@ -29,6 +29,7 @@ MAX_EXPANSION = 200
 """How many times its size a large compressed array may grow: measured floats don't pack better."""
 
 _LARGE_BYTES = 2**28
+_LARGEST_DIRECTORY = 2**20
 _LARGEST_RAW_READ = 2**24
 _MAGIC = b"\x93NUMPY"
 _DTYPE = re.compile(r"[<>|=]?[fiub][1248]|[<>|=]?[US]\d{1,5}")
@@ -79,6 +80,7 @@ class NpzReader:
         self._close = weakref.finalize(self, file.close)
         with self._understood("its directory"):
             self._zip = zipfile.ZipFile(file)
+        file.largest_read = _LARGEST_RAW_READ
         self._members: dict[str, zipfile.ZipInfo] = {}
         members = self._zip.infolist()
         if len(members) > MAX_MEMBERS:
@@ -245,11 +247,12 @@ class _BoundedReader(io.BufferedReader):
 
     def __init__(self, path: Path) -> None:
         super().__init__(io.FileIO(path))
+        self._size = path.stat().st_size
+        self.largest_read = _LARGEST_DIRECTORY
 
     def read(self, size: int | None = -1, /) -> bytes:
-        if size is None or size < 0 or size > _LARGEST_RAW_READ:
-            size = _LARGEST_RAW_READ + 1
-        data = super().read(size)
-        if len(data) > _LARGEST_RAW_READ:
-            raise zipfile.BadZipFile("its directory claims to be larger than 16 MB")
-        return data
+        left = max(0, self._size - self.tell())
+        size = left if size is None or size < 0 else min(size, left)
+        if size > self.largest_read:
+            raise zipfile.BadZipFile(f"{size} bytes at once is more than any part of it needs")
+        return super().read(size)

@@ -12,7 +12,7 @@ import csv
 import functools
 import io
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -20,6 +20,7 @@ from typing import IO
 from cospeech.errors import CospeechError, InputFileError
 
 MAX_LINE_BYTES = 2**16
+MAX_ROW_LINES = 16
 MAX_INTERVALS = 2_000_000
 MAX_INTERVAL_BYTES = 2**24
 """An interval's rows; at 250 bytes each these are over an hour."""
@@ -122,11 +123,13 @@ def _pass_over(path: Path, file: IO[bytes], columns: dict[str, int]) -> RowIndex
         start = offset
         offset += len(line)
         if b'"' in line:
-            while line.count(b'"') % 2 and len(line) < MAX_LINE_BYTES and (more := readline()):
-                line_number += 1
-                offset += len(more)
-                line += more
-            fields = _quoted_fields(line)
+            whole = _with_continuation(line, readline)
+            fields = _quoted_fields(whole)
+            if len(fields) == count:
+                line_number += whole.count(b"\n") - line.count(b"\n")
+                offset += len(whole) - len(line)
+            elif len(whole) > len(line):
+                file.seek(offset)  # a stray quote spoils its own line only
         else:
             fields = line.rstrip(b"\r\n").split(b",")
         if len(fields) != count or len(line) >= MAX_LINE_BYTES:
@@ -149,6 +152,15 @@ def _pass_over(path: Path, file: IO[bytes], columns: dict[str, int]) -> RowIndex
             raise InputFileError(path, f"has over {MAX_INTERVALS} intervals")
     named = {(_text(who).strip(), _text(which).strip()): run for (who, which), run in runs.items()}
     return RowIndex(path, columns, named, bad_rows, first_bad)
+
+
+def _with_continuation(line: bytes, readline: Callable[[], bytes]) -> bytes:
+    """A line with those after it that its quotes take in."""
+    for _ in range(MAX_ROW_LINES):
+        if line.count(b'"') % 2 == 0 or len(line) >= MAX_LINE_BYTES:
+            break
+        line += readline()
+    return line
 
 
 def _quoted_fields(line: bytes) -> list[bytes]:

@@ -29,3 +29,6 @@ class LegacyArrowError(CospeechError):
     def moved_by(self, distance: int) -> LegacyArrowError:
         """The same error, its offset counted from `distance` bytes earlier."""
         return LegacyArrowError(self.problem, self.offset + distance, self.hint)
+
+    def __reduce__(self) -> tuple[type, tuple[str, int, str | None]]:
+        return type(self), (self.problem, self.offset, self.hint)

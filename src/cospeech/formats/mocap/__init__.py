@@ -6,7 +6,11 @@ their stems are equal, side by side or in folders such as ``Audio``, ``Motion`` 
 
 from cospeech.formats.mocap.finding import MissingAudio, find_takes
 from cospeech.formats.mocap.reading import read_take, take_sources
-from cospeech.formats.mocap.split_list import read_split_list, with_split_list
+from cospeech.formats.mocap.split_list import (
+    leave_out_unsplit,
+    read_split_list,
+    with_split_list,
+)
 from cospeech.formats.mocap.takes import Excerpt, Take, Voice
 
 __all__ = [
@@ -15,6 +19,7 @@ __all__ = [
     "Take",
     "Voice",
     "find_takes",
+    "leave_out_unsplit",
     "read_split_list",
     "read_take",
     "take_sources",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.formats.mocap.takes import Take
@@ -18,7 +19,9 @@ TRANSCRIPT_SUFFIXES = (".textgrid", ".json", ".tsv", ".ctm", ".srt", ".vtt", ".t
 PHASE_SUFFIXES = (".anvil", ".eaf", ".phases.csv")
 MAX_FILES = 1_000_000
 
-MissingAudio: TypeAlias = Literal["skip", "silence"]
+_log = logging.getLogger(__name__)
+
+MissingAudio: TypeAlias = Literal["auto", "skip", "silence"]
 
 _ROLE = re.compile(
     r"audios?|wavs?|wave|speech|sound|motions?|bvhs?|mocap|transcripts?|texts?|txt|tsv|json|textgrids?"
@@ -44,7 +47,8 @@ def find_takes(
             the file name up to its first ``_`` or ``-``. Else a regular expression with a group,
             searched in the path below ``root``: ``"^(\w+)/"``, ``"_(?P<speaker>[a-z]+)_"``.
         missing_audio: What becomes of motion without audio. ``"skip"``: it has a ``problem``.
-            ``"silence"``: it is read with silence of its length.
+            ``"silence"``: it is read with silence of its length. ``"auto"``: silence in a folder
+            without any audio, else skip.
         transcripts: Suffixes of transcripts, the preferred first.
 
     Returns:
@@ -55,14 +59,18 @@ def find_takes(
             its choices.
     """
     root = Path(root)
-    if missing_audio not in ("skip", "silence"):
-        raise ConfigError(f"missing_audio={missing_audio}: choose skip or silence")
+    if missing_audio not in get_args(MissingAudio):
+        raise ConfigError(f"missing_audio={missing_audio}: choose auto, skip or silence")
     speaker_of = _speaker_rule(speaker, root)
     found = _files_by_key(root, transcripts)
     _join_lone_stems(found)
     stems = Counter(stem for (_, stem), kinds in found.items() if _is_take(kinds))
     takes, ids = [], Counter[str]()
     audio_names = sorted({kinds["audio"].name for kinds in found.values() if "audio" in kinds})
+    if missing_audio == "auto":
+        missing_audio = "skip" if audio_names else "silence"
+        if not audio_names:
+            _log.warning("no audio file below %s: motion is read with silence in its place", root)
     for (folders, stem), kinds in sorted(found.items()):
         if not _is_take(kinds):
             continue

@@ -102,3 +102,26 @@ def with_split_list(takes: Iterable[Take], path: str | Path) -> list[Take]:
         len(splits) - len(known),
     )
     return listed
+
+
+def leave_out_unsplit(takes: Iterable[Take]) -> list[Take]:
+    """Takes of which those that are in no split are left out.
+
+    Raises:
+        CospeechError: None is in a split.
+    """
+    takes = list(takes)
+    if not any(take.split for take in takes):
+        raise CospeechError(
+            f"none of the {len(takes)} recordings is in a published split",
+            hint="split them here (data.split=recordings, speakers or time_blocks), or give a list"
+            " (data.split_list=FILE)",
+        )
+    return [
+        take
+        if take.split or take.problem
+        else replace(
+            take, problem=f"{take.id} is in no published split", left_out="in no published split"
+        )
+        for take in takes
+    ]

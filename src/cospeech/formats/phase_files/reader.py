@@ -86,9 +86,9 @@ def _choose(
         tiers = [tier for tier in tiers if wanted in (tier.name, tier.track)]
         if not tiers:
             raise InputFileError(path, f"no tier {wanted!r} with annotations; there are {names}")
-    if len(tiers) == 1 and tiers[0].problem:
-        raise InputFileError(path, tiers[0].problem, f"track {tiers[0].track}")
     timed = [tier for tier in tiers if not tier.problem]
+    if not timed:
+        raise InputFileError(path, tiers[0].problem, f"tier {tiers[0].name}")
     unknown = {
         tier.name: [entry for entry in _written(tier) if plain(entry.text) not in meanings]
         for tier in timed

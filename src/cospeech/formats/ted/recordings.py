@@ -68,9 +68,17 @@ class Origin:
             windows=windows,
         )
 
-    def dropped(self, reason: str, kind: str, is_fault: bool = False) -> Dropped:
+    def dropped(
+        self,
+        reason: str,
+        kind: str,
+        is_fault: bool = False,
+        windows: dict[str, int] | None = None,
+        words: Iterable[Word] = (),
+    ) -> Dropped:
         """That there is no recording from here."""
-        return Dropped(self.id, f"{self.place}: {reason}", kind, is_fault)
+        said = tuple(word.text for word in words)
+        return Dropped(self.id, f"{self.place}: {reason}", kind, is_fault, windows or {}, said)
 
 
 def house_positions(poses: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -112,10 +120,15 @@ def _ten_joints(clip: TedClip, origin: Origin, rules: WindowRules | None) -> Rec
         kept, dropped = cut.kept, cut.dropped()
         if not cut.windows:
             length = f"{len(cut)} frames at {rules.fps:g} fps, a window has {rules.frames}"
-            return origin.dropped(length, "shorter than a window")
+            return origin.dropped(length, "shorter than a window", words=clip.words)
         if not kept:
             counts = ", ".join(f"{reason} {count}" for reason, count in dropped.items())
-            return origin.dropped(f"windows left out: {counts}", "no window passed the filters")
+            return origin.dropped(
+                f"windows left out: {counts}",
+                "no window passed the filters",
+                windows=dropped,
+                words=clip.words,
+            )
         windows = WindowList(
             rules.fps,
             rules.frames,
@@ -137,7 +150,7 @@ def _expressive(clip: TedClip, origin: Origin) -> Iterator[Recording | Dropped]:
     pieces = list(expressive.whole_pieces(positions, fps, shortest))
     if not pieces:
         reason = f"no {shortest} frames on end with a detected pose, of {len(clip.poses)}"
-        yield origin.dropped(reason, "shorter than a window")
+        yield origin.dropped(reason, "shorter than a window", words=clip.words)
     for number, (first, poses) in enumerate(pieces):
         start_s, seconds = clip.start_s + first / fps, len(poses) / fps
         sample = round(first / fps * SAMPLE_RATE)

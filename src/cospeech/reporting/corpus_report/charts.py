@@ -17,8 +17,9 @@ from cospeech.reporting.corpus_report.totals import HandSpace
 from cospeech.reporting.figure import PART_COLOURS
 
 _WIDTH, _HEIGHT = 360, 178
-_LEFT, _RIGHT, _TOP, _BOTTOM = 12, 12, 16, 34
+_LEFT, _RIGHT, _TOP, _BOTTOM = 14, 14, 16, 40
 _BARS = 30
+_APART = 18
 _BINS = (1, 2, 5)
 
 
@@ -47,7 +48,10 @@ def round_edges(low: float, high: float, bars: int = _BARS) -> NDArray[np.float6
     power = 10.0 ** np.floor(np.log10(rough))
     width = next(m * power for m in (*_BINS, 10) if m * power >= rough * 0.999)
     first, last = np.floor(low / width + 1e-9), np.ceil(high / width - 1e-9)
-    return np.arange(first, max(last, first + 1) + 1) * width
+    edges = np.arange(first, max(last, first + 1) + 1) * width
+    # rounding must not leave the outermost numbers outside
+    edges[0], edges[-1] = min(edges[0], low), max(edges[-1], high)
+    return edges
 
 
 def counts_in(values: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -121,10 +125,11 @@ def histogram(
         ticks = [(x_at(10.0**power), f"{10.0**power:g}") for power in powers]
     else:
         ticks = [(x_at(t), f"{t:g}") for t in _ticks(float(edges[0]), float(edges[-1]), 5)]
-    ticks += [(_LEFT + 0.5 * slot, "&lt;")] * outside[0]
-    ticks += [(_WIDTH - _RIGHT - 0.5 * slot, "&gt;")] * outside[1]
+    ends = [(_LEFT + 0.5 * slot, "&lt;")] * outside[0]
+    ends += [(_WIDTH - _RIGHT - 0.5 * slot, "&gt;")] * outside[1]
+    ticks = [t for t in ticks if all(abs(t[0] - x) > _APART for x, _ in ends)] + ends
     parts += [
-        f'<text x="{x:.1f}" y="{floor + 14}" text-anchor="middle">{text}</text>'
+        f'<text x="{x:.1f}" y="{floor + 19}" text-anchor="middle">{text}</text>'
         for x, text in ticks
     ]
     if median is not None:
@@ -170,11 +175,11 @@ def hand_space(hands: HandSpace) -> str:
     used = np.argwhere(counts.sum(axis=0) > 0)
     if not hands.frames or not len(used):
         return ""
-    pose = hands.pose_sum / hands.frames
+    pose = hands.pose_sum / (hands.pose_frames or 1)
     corners = np.concatenate(
         [used * hands.cell + hands.origin, (used + 1) * hands.cell + hands.origin, pose[:, :2]]
     )
-    (left, low), (right, high) = corners.min(axis=0) - 0.06, corners.max(axis=0) + 0.1
+    (left, low), (right, high) = corners.min(axis=0) - 0.06, corners.max(axis=0) + 0.06
     scale = 300.0
     width, height = (right - left) * scale, (high - low) * scale
 

@@ -151,6 +151,12 @@ def body_section(store: Store, statistics: CorpusStatistics, spans: Sequence[Spa
     pictures, notes = [], []
     if statistics.hands is not None:
         pictures.append(hand_space(statistics.hands))
+        far = statistics.hands.frames - statistics.hands.pose_frames
+        if far:
+            notes.append(
+                f'<span class="flag">{far:,} frames have a joint over 2 m from the spine</span>;'
+                " they are not in the mean pose."
+            )
         notes.append(
             "The map: both wrists seen from the front, spine at the origin, every frame, stronger"
             " where more often (square root), around the mean pose; the grid is 25 cm."

@@ -28,14 +28,20 @@ _POSE_HEIGHT = 290
 
 def figure_scale(store: Store, spans: Sequence[Span]) -> float:
     """Pixels per metre (or keypoint pixel) at which the figures of all windows fit their places."""
-    reach, height = 0.0, 0.0
+    sizes = []
     for span in spans:
-        for flat in views(clip(store, span), legs=False).values():
-            # a frame that jumps must not shrink all others
-            reach = max(reach, float(np.percentile(np.abs(flat[..., 0]), 99.5)))
-            height = max(height, float(np.percentile(flat[..., 1], 99.5)))
+        flats = list(views(clip(store, span), legs=False).values())
+        # a frame that jumps must not shrink all others
+        reach = max(float(np.percentile(np.abs(flat[..., 0]), 99.5)) for flat in flats)
+        sizes.append((reach, float(np.percentile(flats[0][..., 1], 99.5))))
+    # and neither must a window whose unit is wrong
+    usual = np.median(sizes, axis=0)
+    reach, height = np.minimum(np.max(sizes, axis=0), 1.5 * usual)
     place = 0.94 * WINDOW_WIDTH / FIGURES
-    return min(0.5 * place / reach if reach else 1.0, _MOST_HEIGHT / height if height else 1.0)
+    fitting = [
+        room / size for room, size in ((place / 2, reach), (_MOST_HEIGHT, height)) if size > 0
+    ]
+    return float(min(fitting, default=1.0))
 
 
 def clip(store: Store, span: Span) -> Motion:
@@ -47,10 +53,11 @@ def clip(store: Store, span: Span) -> Motion:
 
 
 def views(motion: Motion, legs: bool) -> dict[str, NDArray[np.float64]]:
-    """Each view as ``(T, J, 2)``: right and up, the root at 0, the lowest joint drawn at height 0.
+    """Each view as ``(T, J, 2)``, right and up: travel removed, in the middle of its place.
 
-    3-D motion is turned to face the reader (mean heading of the clip); the side view is seen from
-    the speaker's right.
+    The lowest joint drawn is at height 0 and the root at one place all the time; the clip's reach
+    to both sides of 0 is equal. 3-D motion is turned to face the reader (mean heading of the clip);
+    the side view is seen from the speaker's right.
 
     Args:
         motion: The clip.
@@ -60,12 +67,16 @@ def views(motion: Motion, legs: bool) -> dict[str, NDArray[np.float64]]:
     positions = positions - positions[:, :1] * np.array([1.0, 0.0, 1.0])[: motion.dimensions]
     drawn = [i for i, joint in enumerate(motion.skeleton.joints) if legs or not says(joint, LEG)]
     positions[..., 1] -= np.percentile(positions[:, drawn, 1].min(axis=1), 2)
-    if motion.dimensions == 2:
-        return {"front": positions}
-    yaw = facing(motion)
-    x, y, z = np.moveaxis(positions, -1, 0)
-    across, ahead = x * np.cos(yaw) - z * np.sin(yaw), x * np.sin(yaw) + z * np.cos(yaw)
-    return {"front": np.stack([across, y], axis=-1), "side": np.stack([ahead, y], axis=-1)}
+    x, y = positions[..., 0], positions[..., 1]
+    across = {"front": x}
+    if motion.dimensions == 3:
+        yaw, z = facing(motion), positions[..., 2]
+        across["front"] = x * np.cos(yaw) - z * np.sin(yaw)
+        across["side"] = x * np.sin(yaw) + z * np.cos(yaw)
+    return {
+        name: np.stack([right - np.percentile(right[:, drawn], [0.5, 99.5]).mean(), y], axis=-1)
+        for name, right in across.items()
+    }
 
 
 def draw_figure(

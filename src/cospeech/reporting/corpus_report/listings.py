@@ -93,22 +93,26 @@ def joints_section(store: Store, statistics: CorpusStatistics) -> str:
     parts = [_joint_table(store, i, statistics.joints[i]) for i in order[:_MOST_SKELETONS]]
     if len(order) > _MOST_SKELETONS:
         parts.append(f"<p>{len(order) - _MOST_SKELETONS} rarer skeletons are not shown.</p>")
+    expected = (
+        " It should hardly vary within a recording of motion capture, and by a few per cent where"
+        " poses were estimated from video; between recordings it is the difference of people."
+        f" Coloured: over {100 * _STRETCHING:g} % within recordings, or a length that differs from"
+        f" the other side's by more than {100 * _LOPSIDED:g} %."
+        if store.dimensions == 3
+        else " In a picture bones shorten as they turn away, so it varies with the gestures."
+    )
     return "".join(parts) + (
         '<p class="muted">Speeds over about 1/15 s in the space of the data, the body\'s travel'
-        f" included; speeds and bones use at most {MOST_FRAMES:,} frames per recording, evenly"
-        " spaced. Dot: median; bar: up to the 95th percentile. Bone: distance from the parent"
-        " joint;"
-        " its coefficient of variation within recordings should be near zero for motion capture"
-        " (a few per cent"
-        " for poses estimated from video); between recordings it is the difference of people."
-        " Coloured: variation within recordings over 5 %, or a length that differs from the other"
-        " side's by more than 10 %.</p>"
+        " included (dot: median, bar: up to the 95th percentile). Bone: distance from the parent"
+        " joint, with its coefficient of variation within and between recordings."
+        f"{expected} At most {MOST_FRAMES:,} frames per recording are looked at, evenly spaced.</p>"
     )
 
 
 def _joint_table(store: Store, skeleton_index: int, totals: JointTotals) -> str:
     skeleton = store.skeletons[skeleton_index]
-    length_unit, factor = ("cm", 100.0) if store.dimensions == 3 else ("px", 1.0)
+    solid = store.dimensions == 3
+    length_unit, factor = ("cm", 100.0) if solid else ("px", 1.0)
     medians, ends = (np.nan_to_num(totals.speeds.quantile(q)) * factor for q in (0.5, 0.95))
     lengths = totals.bone_lengths * factor
     within, between = totals.bone_variation_within, totals.bone_variation_between
@@ -123,8 +127,8 @@ def _joint_table(store: Store, skeleton_index: int, totals: JointTotals) -> str:
         bone = [MISSING] * 3
         if skeleton.parents[j] >= 0 and lengths[j] > 0:
             bone = [
-                _flagged(short(lengths[j]), j in lopsided),
-                _flagged(f"{100 * within[j]:.1f} %", within[j] > _STRETCHING),
+                _flagged(short(lengths[j]), solid and j in lopsided),
+                _flagged(f"{100 * within[j]:.1f} %", solid and within[j] > _STRETCHING),
                 f"{100 * between[j]:.1f} %",
             ]
         cells = [short(medians[j]), short(ends[j])]

@@ -28,7 +28,10 @@ def tiles(store: Store, statistics: CorpusStatistics) -> str:
         (hours, "of motion"),
         (f"{total.recordings:,}", "recordings"),
         (f"{total.speakers:,}", "speakers"),
-        (f"{total.words:,}" if np.isfinite(pace) else MISSING, f"words ({known:,} types)"),
+        (
+            f"{total.words:,}" if np.isfinite(pace) else MISSING,
+            f"words ({known:,} types)" if np.isfinite(pace) else "no transcript",
+        ),
         (f"{pace:.0f}" if np.isfinite(pace) else MISSING, "words/min"),
         (f"{total.windows:,}", "windows"),
         (f"{len(store.manifest.get('skipped', [])):,}", "left out"),
@@ -106,15 +109,16 @@ def dropped_section(store: Store, total: SplitTotals) -> str:
     skipped: list[dict[str, Any]] = store.manifest["skipped"]
     windows: dict[str, int] = store.manifest["dropped_windows"]
     parts = []
-    kinds = Counter(one["kind"] for one in skipped)
-    kept = total.recordings
-    lines = [("kept", kept, "")]
-    lines += [(kind, count, "bad") for kind, count in kinds.most_common()]
+    faults = Counter(one["kind"] for one in skipped if one["is_fault"])
+    rules = Counter(one["kind"] for one in skipped if not one["is_fault"])
+    lines = [("kept", total.recordings, "")]
+    lines += [(kind, count, "") for kind, count in rules.most_common()]
+    lines += [(f"fault: {kind}", count, "flag") for kind, count in faults.most_common()]
     parts.append(_share_table("recordings", lines))
     if skipped:
         items = "".join(
             f"<li><code>{html.escape(one['id'])}</code>: {html.escape(one['reason'])}</li>"
-            for one in skipped[:_MOST_REASONS]
+            for one in sorted(skipped, key=lambda one: not one["is_fault"])[:_MOST_REASONS]
         )
         more = len(skipped) - _MOST_REASONS
         rest = f"<p>and {more:,} more, in the store's manifest.json</p>" if more > 0 else ""
@@ -137,7 +141,7 @@ def _share_table(noun: str, lines: Sequence[tuple[str, int, str]]) -> str:
     whole = sum(count for _, count, _ in lines) or 1
     rows = "".join(
         f"<tr><td>{html.escape(name)}</td>"
-        f'<td class="number{" flag" if style else ""}">{count:,}</td>'
+        f'<td class="number {style}">{count:,}</td>'
         f'<td class="number">{100 * count / whole:.1f} %</td><td style="width:55%">'
         f'<svg viewBox="0 0 300 12" class="shares" preserveAspectRatio="none" height="12">'
         f'<rect class="bar" y="2" height="8" width="{300 * count / whole:.1f}"/></svg></td></tr>'

@@ -149,15 +149,17 @@ def _made(store: Store) -> str:
     )
     audio = any(recording.has_audio for recording in store.recordings)
     sound = f"mono, {manifest['sample_rate']:,} Hz, 16 bit" if audio else "none"
+    dialogues = sum(recording.has_interlocutor for recording in store.recordings)
     facts = [
-        ("store", str(store.path)),
+        ("store", store.path.name),
         ("schema", str(manifest["schema"])),
         ("fingerprint", store.fingerprint),
         ("sources", f"{manifest['sources']:,}"),
         ("motion", f"{_rates(store)}, kept at that rate; {space}; {kept}"),
         ("skeletons", _skeleton_names(store)),
         ("audio", sound),
-        ("settings", json.dumps(manifest.get("parameters", {}), indent=1, ensure_ascii=False)),
+        ("dialogue", f"the other side is there in {dialogues:,} recordings"),
+        ("settings", json.dumps(manifest["parameters"], indent=1, ensure_ascii=False)),
     ]
     rows = "".join(
         f"<dt>{key}</dt><dd>"

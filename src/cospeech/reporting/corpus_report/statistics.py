@@ -31,14 +31,14 @@ WINDOW_FRAMES, WINDOW_STRIDE = 34, 10
 MOST_FRAMES = 3000
 """Frames per recording that joint speeds and bone lengths use, evenly spaced."""
 
-MOST_BLOCKS = 600
+MOST_BLOCKS = 300
 """Blocks of a tenth of a second per recording that the audio level uses, evenly spaced."""
 
 STILL_SPEED = 0.01
 """Metres per second; a wrist that is slower stands still."""
 
 _BLOCK = SAMPLE_RATE // 10
-_FULL_SCALE = 32767.0
+_FULL_SCALE = 32767
 _QUIETEST_DB = -120.0
 
 
@@ -158,17 +158,17 @@ class _Collector:
             self.measures["still"][i] = (speeds < STILL_SPEED).all(axis=1).mean()
 
     def _add_audio(self, i: int, seconds: float) -> None:
-        samples = self.store.read(i, "audio")[:, 0]
+        samples = np.asarray(self.store.read(i, "audio"))[:, 0]
         self.measures["excess_audio"][i] = len(samples) / SAMPLE_RATE - seconds
         whole = len(samples) // _BLOCK
         if not whole:
             return
         blocks = samples[: whole * _BLOCK].reshape(whole, _BLOCK)[evenly(whole, MOST_BLOCKS)]
-        scaled = blocks.astype(np.float32) / np.float32(_FULL_SCALE)
+        scaled = blocks.astype(np.float32) * np.float32(1 / _FULL_SCALE)
         power = np.einsum("ij,ij->i", scaled, scaled).astype(np.float64) / _BLOCK
         self.levels.add(decibels(power)[:, None])
         self.measures["level"][i] = decibels(power.mean())
-        self.measures["clipped"][i] = (np.abs(scaled) >= 1).mean()
+        self.measures["clipped"][i] = np.count_nonzero(np.abs(blocks) >= _FULL_SCALE) / blocks.size
 
     def _add_words(self, i: int, seconds: float) -> None:
         words = self.store.words(i)

@@ -14,6 +14,7 @@ WRISTS = (UPPER_BODY.index["left_wrist"], UPPER_BODY.index["right_wrist"])
 """Left and right wrist among the evaluation joints."""
 
 _HAND_CELL, _HAND_CELLS = 0.025, 88
+_FAR_M = 2.0
 _HAND_ORIGIN = (-1.1, -0.9)
 
 MEASURES: tuple[str, ...] = (
@@ -133,21 +134,25 @@ class HandSpace:
 
     Attributes:
         counts: ``(2, C, C)`` frames by cell, left and right; cells of 2.5 cm, first axis x.
-        pose_sum: ``(10, 3)`` sum of the evaluation joints over ``frames``.
-        frames: Frames counted.
+        pose_sum: ``(10, 3)`` sum of the evaluation joints over ``pose_frames``.
+        pose_frames: Frames with every joint within 2 m of the spine; others would spoil the mean.
+        frames: Frames seen.
     """
 
     counts: NDArray[np.int64] = field(
         default_factory=lambda: np.zeros((2, _HAND_CELLS, _HAND_CELLS), dtype=np.int64)
     )
     pose_sum: NDArray[np.float64] = field(default_factory=lambda: np.zeros((10, 3)))
+    pose_frames: int = 0
     frames: int = 0
     cell: float = _HAND_CELL
     origin: tuple[float, float] = _HAND_ORIGIN
 
     def add(self, upper_body: NDArray[np.float32]) -> None:
         """Count ``(T, 10, 3)`` positions."""
-        self.pose_sum += upper_body.sum(axis=0, dtype=np.float64)
+        near = (np.abs(upper_body) < _FAR_M).all(axis=(1, 2))
+        self.pose_sum += upper_body[near].sum(axis=0, dtype=np.float64)
+        self.pose_frames += int(near.sum())
         self.frames += len(upper_body)
         for side, joint in enumerate(WRISTS):
             cells = np.floor((upper_body[:, joint, :2] - self.origin) / self.cell).astype(np.int64)

@@ -88,7 +88,7 @@ def measures(dimensions: int) -> list[Measure]:
         Measure("left_wrist", "left wrist, mean speed", unit, factor, True, 0.2),
         Measure("right_wrist", "right wrist, mean speed", unit, factor, True, 0.2),
         Measure("still", "both wrists still", "%", 100.0, False, 5.0),
-        Measure("bone_variation", "bones' lengths vary by", "%", 100.0, True, 0.5),
+        Measure("bone_variation", "bones' lengths vary by", "%", 100.0, False, 0.5),
         Measure("level", "audio level", "dBFS", 1.0, False, 1.0),
         Measure("clipped", "samples at full scale", "%", 100.0, False, 0.01),
         Measure("excess_audio", "audio longer than motion", "s", 1.0, False, 0.05),

@@ -27,6 +27,7 @@ from cospeech.speech.speech import SAMPLE_RATE
 
 _WIDTH, _LEFT, _RIGHT = WINDOW_WIDTH, 46, 8
 _COLUMN_PX = 2.0
+_MOST_ROW = 260
 
 
 def choose_windows(store: Store, count: int, seed: int) -> list[tuple[str, Span]]:
@@ -75,9 +76,12 @@ def draw_window(store: Store, span: Span, scale: float) -> str:
     parts: list[str] = []
     y = 8.0
     for name, flat in views(motion, legs=False).items():
-        height = scale * float(np.percentile(flat[..., 1], 99.5)) + 12
-        parts.append(_lane_name(name, y + height / 2))
-        parts += _figures(motion, flat, scale, y + height)
+        height = min(scale * float(np.percentile(flat[..., 1], 99.5)) + 24, _MOST_ROW)
+        figures = "".join(_figures(motion, flat, scale, height - 16))
+        parts += [
+            _lane_name(name, y + height / 2),
+            f'<svg y="{y:.1f}" width="{_WIDTH}" height="{height:.1f}">{figures}</svg>',
+        ]
         y += height + 10
     for name, height, draw in (
         ("words", 22, _words),
@@ -185,7 +189,7 @@ def _phases(store: Store, span: Span, y: float, height: float) -> list[str]:
 
 def _sound(store: Store, span: Span, y: float, height: float) -> list[str]:
     if not store.recordings[span.recording].has_audio:
-        return [f'<text x="{_LEFT}" y="{y + 18:.0f}">no audio</text>']
+        return [f'<text x="{_LEFT}" y="{y + height / 2 + 4:.0f}">no audio</text>']
     start, seconds = span.start / EVALUATION_FPS, (span.stop - span.start) / EVALUATION_FPS
     first, count = round(start * SAMPLE_RATE), round(seconds * SAMPLE_RATE)
     samples = store.read(span.recording, "audio", first, first + count)[:, 0].astype(np.float64)
@@ -193,7 +197,7 @@ def _sound(store: Store, span: Span, y: float, height: float) -> list[str]:
     edges = np.minimum(np.arange(columns + 1) * count // columns, len(samples))
     filled = edges[:-1][np.diff(edges) > 0]
     if not len(filled):
-        return [f'<text x="{_LEFT}" y="{y + 18:.0f}">no audio here</text>']
+        return [f'<text x="{_LEFT}" y="{y + height / 2 + 4:.0f}">no audio here</text>']
     tops = np.maximum.reduceat(samples, filled) / 32767
     bottoms = np.minimum.reduceat(samples, filled) / 32767
     xs = _LEFT + (np.arange(len(filled)) + 0.5) * _COLUMN_PX

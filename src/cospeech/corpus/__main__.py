@@ -1,0 +1,90 @@
+"""``python -m cospeech.corpus doctor PATH``: is anything wrong with this corpus?"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cospeech.corpus.reading import usable_cores
+from cospeech.doctor import Settings, check_path, has_errors, text_report
+from cospeech.doctor.layouts import LAYOUTS
+from cospeech.errors import CospeechError
+from cospeech.motion.joint_map import load_joint_map
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; the exit status: 1 for errors in the data, 2 when it could not be looked at.
+
+    Args:
+        arguments: Command line; that of the process when None.
+    """
+    given = _parser().parse_args(arguments)
+    # What readers warn of is among the findings.
+    logging.getLogger("cospeech").setLevel(logging.ERROR)
+    try:
+        joint_map = None if given.joint_map is None else load_joint_map(given.joint_map)
+        checkup = check_path(
+            given.path,
+            layout=given.layout,
+            settings=Settings(joint_map, given.frame_rate),
+            limit=given.limit,
+            by_speakers=given.by_speakers,
+            workers=given.workers or usable_cores(),
+        )
+        if given.json is not None:
+            _write(given.json, json.dumps(checkup.to_dict(), indent=1))
+    except CospeechError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(text_report(checkup))
+    return int(has_errors(checkup.findings))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m cospeech.corpus")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    doctor = commands.add_parser(
+        "doctor",
+        help="look for faults in a raw folder or a prepared store",
+        description="Look for faults in a raw folder or a prepared store. Nothing is changed.",
+    )
+    doctor.add_argument("path", type=Path, help="the folder that data.root names, or a store")
+    names = [layout.name for layout in LAYOUTS]
+    doctor.add_argument("--layout", choices=names, help="read the folder as this (by its names)")
+    doctor.add_argument("--limit", type=_positive, metavar="N", help="look at N takes or sources")
+    doctor.add_argument(
+        "--by-speakers", action="store_true", help="held-out splits must have speakers of their own"
+    )
+    doctor.add_argument("--joint-map", metavar="MAP", help="name or yaml of a joint map")
+    doctor.add_argument("--frame-rate", type=float, metavar="FPS", help="true rate of BVH rows")
+    doctor.add_argument("--workers", type=_positive, metavar="N", help="processes (one per core)")
+    doctor.add_argument("--json", type=Path, metavar="FILE", help="write all findings there")
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("at least 1")
+    return value
+
+
+def _write(path: Path, text: str) -> None:
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        partial.write_text(text)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise CospeechError(
+            f"can't write {path} ({error.strerror})", "choose another --json"
+        ) from error
+
+
+if __name__ == "__main__":
+    sys.exit(main())

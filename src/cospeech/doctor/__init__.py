@@ -1,0 +1,24 @@
+"""The doctor: what is wrong with a corpus, before anybody trains on it."""
+
+from cospeech.doctor.checkup import Checkup, check_path
+from cospeech.doctor.corpus import compare
+from cospeech.doctor.examination import Examination, examine, examine_closely
+from cospeech.doctor.findings import Check, Files, Finding, Severity, has_errors
+from cospeech.doctor.reading import Settings
+from cospeech.doctor.report import text_report
+
+__all__ = [
+    "Check",
+    "Checkup",
+    "Examination",
+    "Files",
+    "Finding",
+    "Settings",
+    "Severity",
+    "check_path",
+    "compare",
+    "examine",
+    "examine_closely",
+    "has_errors",
+    "text_report",
+]

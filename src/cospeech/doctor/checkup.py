@@ -1,0 +1,199 @@
+"""A checkup: everything below a path, recording by recording and then all together."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cospeech.corpus.source import Source
+from cospeech.corpus.store import Store
+from cospeech.doctor.corpus import compare
+from cospeech.doctor.examination import Examination
+from cospeech.doctor.findings import Check, Finding, Severity
+from cospeech.doctor.layouts import find_layout
+from cospeech.doctor.listings import check_listings
+from cospeech.doctor.reading import Read, Settings, StoredPart, read
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.formats.mocap import Take
+from cospeech.progress import progress_bar
+
+PART = 32
+"""Recordings of a store that are examined in one go."""
+
+AHEAD = 2
+"""Items in work per process."""
+
+
+@dataclass(frozen=True)
+class Checkup:
+    """The result.
+
+    Attributes:
+        path: What was looked at.
+        layout: What it is: ``"store"`` or the name of a layout.
+        recordings: Recordings examined.
+        seconds: Their length, s.
+        findings: Errors first, else in the order of the recordings.
+        left_out: Reason -> number of recordings that a rule of the corpus leaves out.
+    """
+
+    path: Path
+    layout: str
+    recordings: int
+    seconds: float
+    findings: list[Finding]
+    left_out: dict[str, int]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {
+            "path": str(self.path),
+            "layout": self.layout,
+            "recordings": self.recordings,
+            "seconds": round(self.seconds, 3),
+            "findings": [finding.to_dict() for finding in self.findings],
+            "left_out": dict(self.left_out),
+        }
+
+
+def check_path(
+    path: str | Path,
+    *,
+    layout: str | None = None,
+    settings: Settings | None = None,
+    limit: int | None = None,
+    by_speakers: bool = False,
+    workers: int = 1,
+) -> Checkup:
+    """Examine a prepared store or a raw folder.
+
+    Args:
+        path: The folder.
+        layout: Of a raw folder; found by its files' names when None.
+        settings: How motion is read.
+        limit: Only so many takes, sources or stored recordings, spread evenly over the corpus; what
+            compares recordings sees only those.
+        by_speakers: Whether held-out splits are meant to hold other speakers; of a store it is
+            known.
+        workers: Processes.
+
+    Raises:
+        CospeechError: There is nothing to examine.
+    """
+    path = Path(path)
+    settings = settings or Settings()
+    findings: list[Finding] = []
+    items: Sequence[Take | Source | StoredPart]
+    if (path / "manifest.json").is_file() and layout is None:
+        try:
+            store = Store(path)
+        except InputFileError as error:
+            finding = _broken(error)
+            return Checkup(path, "store", 0, 0.0, [finding], {})
+        kind, findings = "store", _skipped(store)
+        rule = store.manifest.get("parameters", {}).get("split", [None])
+        by_speakers = by_speakers or rule[0] == "speakers"
+        chosen = _evenly(range(len(store.recordings)), limit)
+        blocks = [chosen[i : i + PART] for i in range(0, len(chosen), PART)]
+        items = [StoredPart(str(path), tuple(block)) for block in blocks]
+    else:
+        kind, found, findings = _raw(path, layout)
+        items = _evenly(found, limit)
+    reads = list(progress_bar(_all_read(items, settings, workers), len(items), f"examining {kind}"))
+    examinations: list[Examination] = [e for one in reads for e in one.examinations]
+    findings += [finding for one in reads for finding in one.findings]
+    findings += compare(examinations, by_speakers)
+    order = list(Severity)
+    findings.sort(key=lambda finding: order.index(finding.severity))
+    left_out: Counter[str] = sum((one.left_out for one in reads), Counter())
+    seconds = sum(examination.seconds for examination in examinations)
+    return Checkup(path, kind, len(examinations), seconds, findings, dict(left_out))
+
+
+def _raw(
+    path: Path, layout: str | None
+) -> tuple[str, Sequence[Take] | Sequence[Source], list[Finding]]:
+    found = find_layout(path, layout)
+    try:
+        items = found.find(path)
+    except InputFileError as error:
+        # A broken table of one corpus must not hide the recordings from the doctor.
+        if found.name == "mocap" or not _has_bvh(found.name):
+            raise
+        return "mocap", find_layout(path, "mocap").find(path), [_broken(error)]
+    takes = [item for item in items if isinstance(item, Take)]
+    return found.name, items, check_listings(path, takes) if takes else []
+
+
+def _has_bvh(layout: str) -> bool:
+    return layout in ("genea", "trinity", "zeggs", "beat")
+
+
+def _evenly(items: Sequence[Any], limit: int | None) -> list[Any]:
+    if limit is None or limit >= len(items):
+        return list(items)
+    return [items[i] for i in np.linspace(0, len(items) - 1, limit).round().astype(int)]
+
+
+def _all_read(
+    items: Sequence[Take | Source | StoredPart], settings: Settings, workers: int
+) -> Iterator[Read]:
+    task = partial(read, settings=settings)
+    if workers <= 1 or len(items) <= 1:
+        yield from map(task, items)
+        return
+    # Spawned, not forked: a fork beside other libraries' threads can hang.
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    remaining = iter(items)
+    waiting: deque[Future[Read]] = deque()
+    try:
+        while True:
+            for item in islice(remaining, AHEAD * workers - len(waiting)):
+                waiting.append(pool.submit(task, item))
+            if not waiting:
+                return
+            try:
+                yield waiting.popleft().result()
+            except BrokenProcessPool:
+                raise CospeechError(
+                    "a process was killed, most likely for lack of memory",
+                    "start again with --workers 1",
+                ) from None
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _broken(error: InputFileError) -> Finding:
+    return Finding(
+        Check.UNREADABLE,
+        Severity.ERROR,
+        str(error.path),
+        None,
+        error.problem,
+        error.hint or "copy or download it again",
+    )
+
+
+def _skipped(store: Store) -> list[Finding]:
+    return [
+        Finding(
+            Check.UNREADABLE,
+            Severity.WARNING,
+            f"{store.path} ({dropped['id']})",
+            None,
+            f"was left out when the store was made: {dropped['reason']}",
+            "mend the file and prepare the corpus again, or train without it",
+        )
+        for dropped in store.manifest["skipped"]
+        if dropped["is_fault"]
+    ]

@@ -1,0 +1,269 @@
+"""Examining what readers find: takes, sources, and recordings of a store."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+import soundfile
+
+from cospeech.corpus.packing import EVALUATION_FPS
+from cospeech.corpus.recording import Recording
+from cospeech.corpus.source import Dropped, Source
+from cospeech.corpus.store import Store
+from cospeech.doctor.examination import SPREAD_TIMING, Examination, examine_closely
+from cospeech.doctor.findings import Check, Files, Finding, Severity
+from cospeech.doctor.lengths import Lengths, check_lengths
+from cospeech.doctor.words import check_words_end
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.formats.mocap import Take, read_take
+from cospeech.motion.joint_map import JointMap
+from cospeech.speech.speech import Speech, Word
+from cospeech.speech.transcript import read_transcript_with_timing
+
+HEADER_BYTES = 2**22
+"""Where the header of a BVH file must end."""
+
+_HEADER = re.compile(
+    rb"^\s*MOTION\s+Frames\s*:?\s*(\d{1,11})\s+Frame\s+Time\s*:?\s*([0-9.eE+-]{1,30})",
+    re.IGNORECASE | re.MULTILINE,
+)
+_TIME = re.compile(r"\bat ([0-9.]+) s\b")
+_FRAME = re.compile(r"\bframe (\d+)\b")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How motion is read.
+
+    Attributes:
+        joint_map: Where the evaluation joints are; None: found by the joints' names.
+        frame_rate: Frames per second of BVH rows, where the headers are wrong.
+    """
+
+    joint_map: JointMap | None = None
+    frame_rate: float | None = None
+
+
+@dataclass(frozen=True)
+class StoredPart:
+    """Some recordings of a store.
+
+    Attributes:
+        path: The store's folder.
+        indices: Of the recordings.
+    """
+
+    path: str
+    indices: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Read:
+    """What came of one take, source or part of a store.
+
+    Attributes:
+        examinations: One per recording.
+        findings: About what gave no recording.
+        left_out: Reason -> number of recordings that a rule of the corpus leaves out.
+    """
+
+    examinations: list[Examination] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    left_out: Counter[str] = field(default_factory=Counter)
+
+
+def read(item: Take | Source | StoredPart, settings: Settings) -> Read:
+    """Examine one item; whatever is wrong with it becomes a finding."""
+    if isinstance(item, Take):
+        return read_one_take(item, settings)
+    if isinstance(item, StoredPart):
+        return read_stored(item, settings)
+    return read_source(item, settings)
+
+
+def read_one_take(take: Take, settings: Settings) -> Read:
+    """Examine the files of a take, and the recording that is made of them.
+
+    Readers cut audio, motion and words to one length; the lengths looked at here are those of the
+    files.
+    """
+    files = Files(*(str(path or take.path) for path in (take.motion, take.audio, take.transcript)))
+    if take.left_out is not None:
+        return Read(left_out=Counter([take.left_out]))
+    findings = _missing(take)
+    if take.motion is None or take.problem is not None:
+        if not findings:
+            findings = [_unreadable(files.motion, CospeechError(take.problem or "no motion"))]
+        return Read(findings=findings)
+    lengths = _lengths(take, settings)
+    if lengths is not None:
+        findings += check_lengths(lengths, files)
+    try:
+        recording = read_take(take, frame_rate=settings.frame_rate, joint_map=settings.joint_map)
+    except CospeechError as error:
+        # Lengths that can't belong together are what the reader stops at.
+        if not any(finding.check in (Check.LENGTHS, Check.DRIFT) for finding in findings):
+            fps = settings.frame_rate or (lengths.fps if lengths else None)
+            findings.append(_unreadable(files.motion, error, fps))
+        return Read(findings=findings)
+    examination = examine_closely(recording, files, settings.joint_map, lengths)
+    misplaced = {
+        finding.check for finding in examination.findings if finding.file == files.words
+    } & {Check.TRANSCRIPT, Check.DRIFT}
+    if lengths is not None and not misplaced:
+        findings += _words_of_file(take, lengths.audio_s, files)
+    return Read([replace(examination, findings=findings + examination.findings)])
+
+
+def read_source(source: Source, settings: Settings) -> Read:
+    """Examine the recordings of a source."""
+    result = Read()
+    name = str(source.files[0]) if source.files else source.id
+    try:
+        for item in source.read():
+            if isinstance(item, Recording):
+                files = Files.all_in(f"{name} ({item.id})")
+                result.examinations.append(examine_closely(item, files, settings.joint_map))
+            elif item.is_fault:
+                result.findings.append(_dropped(item, f"{name} ({item.id})"))
+            else:
+                result.left_out[item.kind] += 1
+    except CospeechError as error:
+        result.findings.append(_unreadable(f"{name} ({source.id})", error))
+    return result
+
+
+def read_stored(part: StoredPart, settings: Settings) -> Read:
+    """Examine recordings of a store."""
+    store = _open_store(part.path)
+    result = Read()
+    parts: dict[int, list[tuple[str, float, float]]] = {index: [] for index in part.indices}
+    for split, spans in store.splits.items():
+        for span in spans:
+            if span.recording in parts:
+                times = (span.start / EVALUATION_FPS, span.stop / EVALUATION_FPS)
+                parts[span.recording].append((split, *times))
+    for index in part.indices:
+        facts = store.recordings[index]
+        waveform = store.read(index, "audio")[:, 0] * np.float32(1 / 32767)
+        words = tuple(
+            Word(store.vocabulary[int(word)], float(start), float(end))
+            for start, end, word in store.words(index)
+        )
+        recording = Recording(
+            facts.id,
+            facts.speaker,
+            Speech(waveform, words if facts.has_words else None),
+            store.motion(index),
+            annotations=store.annotations(index),
+            split=facts.split,
+            interlocutor=Speech(np.zeros(0, np.float32)) if facts.has_interlocutor else None,
+        )
+        files = Files.all_in(f"{part.path} ({facts.id})")
+        result.examinations.append(
+            examine_closely(recording, files, settings.joint_map, parts=tuple(parts[index]))
+        )
+    return result
+
+
+@lru_cache(maxsize=1)
+def _open_store(path: str) -> Store:
+    return Store(path)
+
+
+def _missing(take: Take) -> list[Finding]:
+    if take.motion is None and take.audio is not None:
+        return [
+            Finding(
+                Check.MISSING,
+                Severity.WARNING,
+                str(take.audio),
+                None,
+                f"there is audio and no motion: {take.problem}",
+                "add the BVH file under the same name, or take the audio away; as it is, the"
+                " recording is left out",
+            )
+        ]
+    if take.audio is None and take.motion is not None:
+        return [
+            Finding(
+                Check.MISSING,
+                Severity.WARNING,
+                str(take.motion),
+                None,
+                f"there is motion and no audio called {take.motion.stem}.wav",
+                "add the audio under the same name; as it is, the recording is left out, or read"
+                " with data.missing_audio=silence",
+            )
+        ]
+    return []
+
+
+def _lengths(take: Take, settings: Settings) -> Lengths | None:
+    """Lengths by the files' headers, from where the take starts in each; None where unknown.
+
+    A take that ends before its files is cut on purpose.
+    """
+    if take.motion is None or take.audio is None or take.excerpt.duration is not None:
+        return None
+    try:
+        with take.motion.open("rb") as file:
+            header = _HEADER.search(file.read(HEADER_BYTES))
+        audio = soundfile.info(take.audio)
+        if header is None or audio.samplerate <= 0:
+            return None
+        fps = settings.frame_rate or 1 / float(header[2])
+    except (OSError, ValueError, ZeroDivisionError, soundfile.SoundFileError):
+        return None  # the reader says what is wrong
+    motion_s = int(header[1]) / fps - take.excerpt.motion_start
+    audio_s = audio.frames / audio.samplerate - take.excerpt.audio_start
+    return Lengths(motion_s, audio_s, fps) if motion_s > 0 and audio_s > 0 else None
+
+
+def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
+    if take.transcript is None:
+        return []
+    start = take.excerpt.audio_start
+    try:
+        transcript = read_transcript_with_timing(take.transcript, start + audio_s)
+    except CospeechError:
+        return []  # empty: the recording has no words, which is looked at with it
+    if transcript.timing == SPREAD_TIMING:
+        return []
+    words = [Word(word.text, word.start - start, word.end - start) for word in transcript.words]
+    if start > 0:
+        words = [word for word in words if word.end > 0]
+        words = [Word(word.text, max(0.0, word.start), word.end) for word in words]
+    return check_words_end(words, audio_s, files)
+
+
+def _dropped(dropped: Dropped, name: str) -> Finding:
+    time = _TIME.search(dropped.reason)
+    return Finding(
+        Check.UNREADABLE,
+        Severity.ERROR,
+        name,
+        float(time[1]) if time else None,
+        dropped.reason,
+        "copy or download it again; as it is, it is left out",
+    )
+
+
+def _unreadable(name: str, error: CospeechError, fps: float | None = None) -> Finding:
+    """An error as a finding, with the file and the time that it tells."""
+    place = (error.place or "") if isinstance(error, InputFileError) else ""
+    time, frame = _TIME.search(place), _FRAME.search(place)
+    time_s = float(time[1]) if time else int(frame[1]) / fps if frame and fps else None
+    number = "NaN" in str(error) or "not a finite number" in str(error)
+    return Finding(
+        Check.NOT_A_NUMBER if number else Check.UNREADABLE,
+        Severity.ERROR,
+        str(error.path) if isinstance(error, InputFileError) else name,
+        time_s,
+        error.problem,
+        error.hint or "copy or download it again; as it is, it is left out",
+    )
