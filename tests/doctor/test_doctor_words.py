@@ -5,6 +5,7 @@ import pytest
 
 from cospeech.doctor import Check, Files, Severity, compare, examine, examine_closely
 from cospeech.doctor.audio import level_db
+from cospeech.doctor.transcript import check_transcript
 from cospeech.doctor.word_fit import fit_words, shift_profile
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import Word
@@ -40,13 +41,14 @@ def test_words_that_come_late_or_early(long_take, offset):
     assert f"{'late' if offset > 0 else 'early'}:" in finding.problem
 
 
-def test_words_that_run_apart_from_the_audio(long_take):
-    finding = the_error(
-        examine(with_words(long_take, moved_words(long_take, rate=0.99)), FILES), Check.DRIFT
-    )
-    assert "multiply the word times by 1.0" in finding.next_step
-    ratio = float(finding.next_step.split()[5])
-    assert ratio == pytest.approx(1 / 0.99, abs=0.002)
+@pytest.mark.parametrize("rate", [0.99, 1.006, 24 / 25, 44.1 / 48])
+def test_words_that_run_apart_from_the_audio(long_take, rate):
+    words = moved_words(long_take, rate=rate)
+    words = [word for word in words if word.end < long_take.speech.duration]
+    finding = the_error(examine(with_words(long_take, words), FILES), Check.DRIFT)
+    assert finding.file == "take.tsv"
+    ratio = float(finding.next_step.removeprefix("multiply the word times by ").split()[0])
+    assert ratio == pytest.approx(1 / rate, abs=0.002)
 
 
 def test_transcripts_of_each_other(takes):
@@ -123,16 +125,38 @@ def test_a_word_that_swallowed_a_pause(takes):
     the_warning(examine(with_words(takes[0], words)), Check.WORD_TIMES, words[10].start)
 
 
-def test_real_transcripts_fit_and_shifted_ones_do_not(shared):
-    """The numbers of the reference data's own check: a clear fit at 0, gone at a quarter second."""
-    for name, folder in (("2_scott_0_1_1", "beat"), ("2_scott_0_2_2", "beat")):
-        path = shared / "data/real" / folder / name
-        level = level_db(load_audio(path.with_suffix(".wav")))
-        words = read_transcript(path.with_suffix(".TextGrid"))
-        times = np.array([(word.start, word.end) for word in words])
-        fit = fit_words(level, times)
-        assert fit.at_zero > 0.45
-        assert abs(fit.shift_s) <= 0.06
-        assert fit.best - fit.runner_up > 0.3
-        late = fit_words(level, times + 0.5)
-        assert late.shift_s == pytest.approx(fit.shift_s - 0.5, abs=0.02)
+def real_speech(shared, name, transcript):
+    """Level curve and word intervals of a real recording."""
+    folder = shared / "data/real"
+    words = read_transcript(folder / transcript)
+    times = np.array([(word.start, word.end) for word in words])
+    return level_db(load_audio(folder / name)), times
+
+
+REAL = (
+    ("beat/2_scott_0_1_1.wav", "beat/2_scott_0_1_1.TextGrid"),
+    ("beat/2_scott_0_2_2.wav", "beat/2_scott_0_2_2.TextGrid"),
+    ("speech/mfa/acoustic_corpus.wav", "speech/mfa/acoustic_corpus.long.TextGrid"),
+)
+
+
+@pytest.mark.parametrize(("audio", "transcript"), REAL)
+def test_real_transcripts_fit_in_their_place_alone(shared, audio, transcript):
+    """As the reference data's own check found: a clear fit at 0, gone at a quarter second."""
+    level, times = real_speech(shared, audio, transcript)
+    fit = fit_words(level, times)
+    assert fit.at_zero > 0.45
+    assert abs(fit.shift_s) <= 0.06
+    assert fit.best - fit.runner_up > 0.3
+    assert check_transcript(level, times, FILES).findings == []
+    for shift in (-1.0, -0.3, 0.3, 1.0):
+        (finding,) = check_transcript(level, times + shift, FILES).findings
+        assert finding.severity is Severity.ERROR
+        assert fit_words(level, times + shift).shift_s == pytest.approx(-shift, abs=0.07)
+
+
+def test_real_transcripts_of_each_other(shared):
+    (one, its), (two, others) = (real_speech(shared, *names) for names in REAL[:2])
+    for level, times in ((one, others), (two, its)):
+        (finding,) = check_transcript(level, times, FILES).findings
+        assert (finding.check, finding.severity) == (Check.TRANSCRIPT, Severity.ERROR)

@@ -10,9 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cospeech.corpus.reading import usable_cores
-from cospeech.doctor import Settings, check_path, has_errors, text_report
-from cospeech.doctor.layouts import LAYOUTS
+from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import load_joint_map
 
@@ -34,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             settings=Settings(joint_map, given.frame_rate),
             limit=given.limit,
             by_speakers=given.by_speakers,
-            workers=given.workers or usable_cores(),
+            workers=given.workers,
         )
         if given.json is not None:
             _write(given.json, json.dumps(checkup.to_dict(), indent=1))

@@ -4,10 +4,12 @@ from cospeech.doctor.checkup import Checkup, check_path
 from cospeech.doctor.corpus import compare
 from cospeech.doctor.examination import Examination, examine, examine_closely
 from cospeech.doctor.findings import Check, Files, Finding, Severity, has_errors
+from cospeech.doctor.layouts import LAYOUTS
 from cospeech.doctor.reading import Settings
 from cospeech.doctor.report import text_report
 
 __all__ = [
+    "LAYOUTS",
     "Check",
     "Checkup",
     "Examination",

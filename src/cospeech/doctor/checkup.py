@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from cospeech.corpus.reading import usable_cores
 from cospeech.corpus.source import Source
 from cospeech.corpus.store import Store
 from cospeech.doctor.corpus import compare
@@ -29,6 +30,9 @@ from cospeech.progress import progress_bar
 
 PART = 32
 """Recordings of a store that are examined in one go."""
+
+WORTH_PROCESSES = 40
+"""Items from which other processes are started: each takes seconds to import what it needs."""
 
 AHEAD = 2
 """Items in work per process."""
@@ -73,7 +77,7 @@ def check_path(
     settings: Settings | None = None,
     limit: int | None = None,
     by_speakers: bool = False,
-    workers: int = 1,
+    workers: int | None = None,
 ) -> Checkup:
     """Examine a prepared store or a raw folder.
 
@@ -85,7 +89,7 @@ def check_path(
             compares recordings sees only those.
         by_speakers: Whether held-out splits are meant to hold other speakers; of a store it is
             known.
-        workers: Processes.
+        workers: Processes; None: one per core where there is enough to do.
 
     Raises:
         CospeechError: There is nothing to examine.
@@ -98,8 +102,7 @@ def check_path(
         try:
             store = Store(path)
         except InputFileError as error:
-            finding = _broken(error)
-            return Checkup(path, "store", 0, 0.0, [finding], {})
+            return Checkup(path, "store", 0, 0.0, [_broken(path, error)], {})
         kind, findings = "store", _skipped(store)
         rule = store.manifest.get("parameters", {}).get("split", [None])
         by_speakers = by_speakers or rule[0] == "speakers"
@@ -109,6 +112,8 @@ def check_path(
     else:
         kind, found, findings = _raw(path, layout)
         items = _evenly(found, limit)
+    if workers is None:
+        workers = usable_cores() if len(items) >= WORTH_PROCESSES else 1
     reads = list(progress_bar(_all_read(items, settings, workers), len(items), f"examining {kind}"))
     examinations: list[Examination] = [e for one in reads for e in one.examinations]
     findings += [finding for one in reads for finding in one.findings]
@@ -126,17 +131,13 @@ def _raw(
     found = find_layout(path, layout)
     try:
         items = found.find(path)
-    except InputFileError as error:
-        # A broken table of one corpus must not hide the recordings from the doctor.
-        if found.name == "mocap" or not _has_bvh(found.name):
+    except CospeechError as error:
+        # A broken or missing table of one corpus must not hide the recordings from the doctor.
+        if found.name not in ("genea", "trinity", "zeggs", "beat"):
             raise
-        return "mocap", find_layout(path, "mocap").find(path), [_broken(error)]
+        return "mocap", find_layout(path, "mocap").find(path), [_broken(path, error)]
     takes = [item for item in items if isinstance(item, Take)]
     return found.name, items, check_listings(path, takes) if takes else []
-
-
-def _has_bvh(layout: str) -> bool:
-    return layout in ("genea", "trinity", "zeggs", "beat")
 
 
 def _evenly(items: Sequence[Any], limit: int | None) -> list[Any]:
@@ -173,11 +174,11 @@ def _all_read(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _broken(error: InputFileError) -> Finding:
+def _broken(path: Path, error: CospeechError) -> Finding:
     return Finding(
         Check.UNREADABLE,
         Severity.ERROR,
-        str(error.path),
+        str(error.path if isinstance(error, InputFileError) else path),
         None,
         error.problem,
         error.hint or "copy or download it again",

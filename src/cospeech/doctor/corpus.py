@@ -13,6 +13,9 @@ from cospeech.doctor.transcript import find_owner, owner_finding
 MOST_DOUBTS = 200
 """Transcripts that don't fit whose owner is looked for: each is tried on all recordings."""
 
+EXPLAINED = (Check.TRANSCRIPT, Check.WORD_TIMES, Check.DRIFT)
+"""Findings about words that are those of another recording."""
+
 MOSTLY_TRANSCRIBED = 0.8
 """Share of recordings with a transcript from which one without is told of."""
 
@@ -30,8 +33,9 @@ def compare(examinations: Sequence[Examination], by_speakers: bool = False) -> l
     for i, examination in enumerate(examinations):
         own = examination.findings
         if i in owners:
-            # Words of another recording also end elsewhere.
-            own = [f for f in own if f.check not in (Check.TRANSCRIPT, Check.WORD_TIMES)]
+            # Words of another recording also end elsewhere, and may seem to drift.
+            words = examination.traces.files.words
+            own = [f for f in own if f.file != words or f.check not in EXPLAINED]
             own = [*own, owners[i]]
         findings += own
     clock = check_clock(

@@ -77,8 +77,17 @@ def _absent(table: Path, rows: list[Row], known: set[str]) -> list[Finding]:
 
 
 def _names(take: Take) -> set[str]:
+    """How a table may call a take: by its id or files, or by the first parts of their names.
+
+    ``001_Neutral_0`` is ``001_Neutral_0_x_1_0.bvh``; ``001_Neutral`` might be any.
+    """
     paths = [path for path in (take.motion, take.audio) if path is not None]
-    return {take.id, *(path.stem for path in paths), *(path.name for path in paths)}
+    names = {take.id, *(path.stem for path in paths), *(path.name for path in paths)}
+    for name in [*names]:
+        parts = name.split("_")
+        starts = ("_".join(parts[:count]) for count in range(2, len(parts)))
+        names |= {start for start in starts if start[-1:].isdigit()}
+    return names
 
 
 def _key(value: str) -> str:

@@ -15,12 +15,10 @@ FASTEST_M_PER_S = 15.0
 FASTEST_ROOT_M_PER_S = 10.0
 """Nobody runs faster through a room."""
 
-LONELY_M_PER_S, LONELY_RATIO = 5.0, 8.0
-"""A step that is that many times the median of the steps around it is a jump from this speed on:
-at 15 fps a hand can be thrown 0.3 m off without being too fast for a human."""
-
-AROUND_S = 0.25
-"""How far around a step its neighbours are looked at, s."""
+LONELY_M_PER_S, LONELY_RATIO, LONELY_REACH = 5.0, 5.0, 3
+"""From this speed on, a step that is so many times the median of the steps up to three frames away
+is a jump: at 15 fps a hand can be thrown 0.3 m off without being too fast for a human. The fastest
+gestures recorded reach 4 times."""
 
 SWAP_M, SWAP_SHARE = 0.3, 0.25
 """Left and right are exchanged between two frames when elbows and wrists move by more than the
@@ -117,7 +115,7 @@ def check_jumps(
     limit = np.full(len(motion.skeleton), FASTEST_M_PER_S)
     limit[root] = FASTEST_ROOT_M_PER_S
     too_fast = speed > limit
-    lonely = _lonely(speed, motion.fps) & ~too_fast.any(axis=1, keepdims=True)
+    lonely = _lonely(speed) & ~too_fast.any(axis=1, keepdims=True)
     findings = []
     for jumps, severity in ((too_fast, Severity.ERROR), (lonely, Severity.WARNING)):
         if not jumps.any():
@@ -160,12 +158,10 @@ def _units_per_metre(motion: Motion, body: Body | None) -> float | None:
     return width / SHOULDERS_M if width > 0 else None
 
 
-def _lonely(speed: NDArray[np.floating], fps: float) -> NDArray[np.bool_]:
+def _lonely(speed: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Fast steps among slow ones."""
-    fast = speed > LONELY_M_PER_S
-    reach = max(3, round(AROUND_S * fps))
-    lonely = np.zeros_like(fast)
-    for frame, joint in zip(*np.nonzero(fast), strict=True):
-        around = speed[max(0, frame - reach) : frame + reach + 1, joint]
+    lonely = np.zeros(speed.shape, np.bool_)
+    for frame, joint in zip(*np.nonzero(speed > LONELY_M_PER_S), strict=True):
+        around = speed[max(0, frame - LONELY_REACH) : frame + LONELY_REACH + 1, joint]
         lonely[frame, joint] = speed[frame, joint] > LONELY_RATIO * np.median(around)
     return lonely

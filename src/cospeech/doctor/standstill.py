@@ -111,10 +111,11 @@ def _finding(motion: Motion, what: str, found: list[Standstill], files: Files) -
             f"the capture was lost there: {lost}",
         )
     whole = stop_s - start_s > WHOLE * motion.duration
-    # Some captures have no head sensor: the joint is there and never turns.
+    severity = Severity.WARNING if what == HEAD or whole else Severity.ERROR
     return Finding(
         Check.FROZEN,
-        Severity.WARNING if what == HEAD or whole else Severity.ERROR,
+        # Some captures have no head sensor: the joint is there and never turns.
+        Severity.NOTE if what == HEAD and whole else severity,
         files.motion,
         start_s,
         f"{what} ({longest.joint}) does not move {'in the whole recording' if whole else when},"
@@ -131,9 +132,20 @@ def _stands_still(motion: Motion, body: Body, point: int, still: float) -> NDArr
     place = body.points[:, point]
     frozen = np.all(np.abs(np.diff(place, axis=0)) < still, axis=1)
     frozen |= np.all(np.abs(np.diff(place - body.points[:, parent], axis=0)) < still, axis=1)
-    # The elbow is moved by the rotation of the shoulder's joint, the wrist by the elbow's.
-    turning = body.joints[point if point == 3 else parent]
+    turning = _turned_by(motion, body, point)
     if motion.rotations_local is not None and turning is not None:
         steps = np.abs(np.diff(motion.rotations_local[:, turning], axis=0))
         frozen |= np.all(steps < STILL_TURN, axis=1)
     return frozen
+
+
+def _turned_by(motion: Motion, body: Body, point: int) -> int | None:
+    """Joint whose rotation moves a point on its parent."""
+    if point in (5, 6, 8, 9):
+        # The elbow is moved by the rotation of the shoulder's joint, the wrist by the elbow's.
+        return body.joints[_PARENTS[point]]
+    joint = body.joints[point]
+    if joint is None or not body.own[point]:
+        return joint  # a point with an offset turns with its own joint
+    above = motion.skeleton.parents[joint]
+    return above if above >= 0 else None

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.doctor.findings import Check, Files, Finding, Severity
+from cospeech.doctor.lengths import KNOWN_RATIOS
 from cospeech.doctor.word_fit import Fit, fit_words, is_judgeable
 
 SHIFT_S, FAR_SHIFT_S = 0.12, 0.2
@@ -37,6 +38,9 @@ DRIFT_S = 0.2
 
 DRIFT_GAIN = 0.03
 """Correlation gained by taking the drift out, at least."""
+
+KNOWN_DRIFT_S = 40.0
+"""Length of the words from which drift at a known wrong rate is looked for, s."""
 
 THIRD_WORDS, THIRD_S, THIRD_GAPS_S = 12, 6.0, 1.0
 """What a third of a recording needs so that its shift means something."""
@@ -85,9 +89,10 @@ def check_transcript(
     fit = fit_words(level, intervals) if is_judgeable(intervals) else None
     if fit is None:
         return Verdict([])
-    drift = _drift(level, intervals, fit)
+    drift = _drift(level, intervals, fit) or _known_drift(level, intervals, fit)
     if drift is not None:
-        return Verdict([_drift_finding(*drift, files)], misplaced=True)
+        doubt = Doubt(level.astype(np.float32), replace(fit, best=drift.mended))
+        return Verdict([_drift_finding(drift, files)], doubt, misplaced=True)
     gain = fit.best - fit.at_zero
     distinct = fit.best - fit.runner_up > DISTINCT
     if fit.best >= FITS and distinct and abs(fit.shift_s) >= SHIFT_S and gain > BETTER:
@@ -148,6 +153,16 @@ def owner_finding(files: Files, owner: str, correlation: float, own: Fit) -> Fin
     )
 
 
+@dataclass(frozen=True)
+class _Drift:
+    """What the words need: ``time + first_s`` at their start, ``time + last_s`` at their end."""
+
+    first_s: float
+    last_s: float
+    length_s: float
+    mended: float
+
+
 def _shift_finding(fit: Fit, files: Files) -> Finding:
     late = "late" if fit.shift_s < 0 else "early"
     return Finding(
@@ -162,10 +177,8 @@ def _shift_finding(fit: Fit, files: Files) -> Finding:
     )
 
 
-def _drift(
-    level: NDArray[np.float64], intervals: NDArray[np.float64], whole: Fit
-) -> tuple[float, float, float] | None:
-    """Shift at the start, at the end, and the length of the words; None without drift."""
+def _drift(level: NDArray[np.float64], intervals: NDArray[np.float64], whole: Fit) -> _Drift | None:
+    """Drift by the shifts of three thirds; None without."""
     start, end = float(intervals[:, 0].min()), float(intervals[:, 1].max())
     middles = intervals.mean(axis=1)
     third = (end - start) / 3
@@ -188,18 +201,38 @@ def _drift(
     mended = fit_words(level, intervals + (rate * intervals + offset))
     if mended is None or mended.at_zero < max(FITS, whole.best + DRIFT_GAIN):
         return None
-    return float(rate * start + offset), float(rate * end + offset), end - start
+    first, last = float(rate * start + offset), float(rate * end + offset)
+    return _Drift(first, last, end - start, mended.at_zero)
 
 
-def _drift_finding(first_s: float, last_s: float, length_s: float, files: Files) -> Finding:
-    ratio = 1 + (last_s - first_s) / length_s
+def _known_drift(
+    level: NDArray[np.float64], intervals: NDArray[np.float64], whole: Fit
+) -> _Drift | None:
+    """As `_drift`, for drifts so fast that no third fits: those of known wrong rates."""
+    # In a few words, one of a dozen rates and a thousand shifts fits by chance.
+    if whole.at_zero >= FITS or not is_judgeable(intervals, least_s=KNOWN_DRIFT_S):
+        return None
+    best: _Drift | None = None
+    highest = max(FITS, whole.best + BETTER)
+    start, end = float(intervals[:, 0].min()), float(intervals[:, 1].max())
+    for ratio, _ in KNOWN_RATIOS:
+        fit = fit_words(level, ratio * intervals)
+        if fit is not None and fit.best > highest and fit.best - fit.runner_up > DISTINCT:
+            highest = fit.best
+            first, last = ((ratio - 1) * time + fit.shift_s for time in (start, end))
+            best = _Drift(first, last, end - start, fit.best)
+    return best
+
+
+def _drift_finding(drift: _Drift, files: Files) -> Finding:
+    ratio = 1 + (drift.last_s - drift.first_s) / drift.length_s
     return Finding(
         Check.DRIFT,
         Severity.ERROR,
         files.words,
         None,
-        f"words and audio run apart: the words need {first_s:+.2f} s at their start and"
-        f" {last_s:+.2f} s at their end",
+        f"words and audio run apart: the words need {drift.first_s:+.2f} s at their start and"
+        f" {drift.last_s:+.2f} s at their end",
         f"multiply the word times by {ratio:.5f} after adding the offset of the start, or find"
         " which of audio and transcript was made at another rate",
     )

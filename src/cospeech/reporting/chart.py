@@ -72,13 +72,13 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
         return _TOP + (high - level) / (high - low) * (_HEIGHT - _TOP - _BOTTOM)
 
     parts = [f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" class="chart">']
-    for tick in _log_ticks(low, high) if logarithmic else _ticks(low, high):
+    for tick in _log_ticks(low, high) if logarithmic else ticks(low, high):
         y = y_at(tick)
         parts.append(
             f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
         )
         parts.append(f'<text x="{_LEFT - 7}" y="{y + 4:.1f}" text-anchor="end">{tick:g}</text>')
-    for tick in _ticks(x_low, x_high):
+    for tick in ticks(x_low, x_high):
         parts.append(
             f'<text x="{x_at(tick):.1f}" y="{_HEIGHT - _BOTTOM + 16}" text-anchor="middle">'
             f"{tick:g}</text>"
@@ -106,7 +106,7 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     return "".join(parts)
 
 
-def _ticks(low: float, high: float, count: int = 6) -> list[float]:
+def ticks(low: float, high: float, count: int = 6) -> list[float]:
     """Round numbers within a range, about ``count`` of them."""
     span = high - low
     if span <= 0:

@@ -31,6 +31,7 @@ MAX_EXPANSION = 200
 _LARGE_BYTES = 2**28
 _LARGEST_DIRECTORY = 2**20
 _LARGEST_RAW_READ = 2**24
+_SKIPPED_AT_ONCE = 2**18
 _MAGIC = b"\x93NUMPY"
 _DTYPE = re.compile(r"[<>|=]?[fiub][1248]|[<>|=]?[US]\d{1,5}")
 _LOCAL_HEADER = struct.Struct("<4s22xHH")
@@ -135,8 +136,7 @@ class NpzReader:
             raise ValueError(f"{count} bytes at once; at most {MAX_READ_BYTES}")
         place = f"array {name!r}, rows {start} to {stop}"
         with self._understood(place):
-            stream = self._stream(name)
-            stream.seek(self._stored_start(name) + info.start + start * info.row_bytes)
+            stream = self._stream(name, info.start + start * info.row_bytes)
             # A bytearray, not bytes: the array may be changed in place.
             buffer = bytearray(count)
             view, filled = memoryview(buffer), 0
@@ -147,24 +147,30 @@ class NpzReader:
         values = np.frombuffer(buffer, dtype=info.dtype)
         return values.reshape(stop - start, *info.shape[1:])
 
-    def _stream(self, name: str) -> IO[bytes]:
-        if self._members[name].compress_type == zipfile.ZIP_STORED:
+    def _stream(self, name: str, position: int) -> IO[bytes]:
+        """Something to read a member's bytes from, at a position in it."""
+        member = self._members[name]
+        if member.compress_type == zipfile.ZIP_STORED:
+            self._file.seek(self._stored_start(name) + position)
             return self._file
         if name not in self._unpacking:
-            self._unpacking[name] = self._zip.open(self._members[name])
-        return self._unpacking[name]
+            self._unpacking[name] = self._zip.open(member)
+        stream = self._unpacking[name]
+        if position < stream.tell():
+            stream.seek(0)
+        # Not by one seek: it would unpack, and keep, megabytes at a time.
+        while (left := position - stream.tell()) and stream.read(min(left, _SKIPPED_AT_ONCE)):
+            pass
+        return stream
 
     def _stored_start(self, name: str) -> int:
-        """Where a stored member's bytes start in the file; 0 for a compressed one's stream."""
-        member = self._members[name]
-        if member.compress_type != zipfile.ZIP_STORED:
-            return 0
+        """Where a stored member's bytes start in the file."""
         if name not in self._starts:
-            self._file.seek(member.header_offset)
+            offset = self._members[name].header_offset
+            self._file.seek(offset)
             head = self._file.read(_LOCAL_HEADER.size)
             _, name_bytes, extra_bytes = _LOCAL_HEADER.unpack(head)
-            start = member.header_offset + _LOCAL_HEADER.size + name_bytes + extra_bytes
-            self._starts[name] = start
+            self._starts[name] = offset + _LOCAL_HEADER.size + name_bytes + extra_bytes
         return self._starts[name]
 
     def _checked_info(self, name: str) -> ArrayInfo:

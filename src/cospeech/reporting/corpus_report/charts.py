@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.reporting.chart import _ticks
+from cospeech.reporting.chart import ticks
 from cospeech.reporting.corpus_report.totals import HandSpace
 from cospeech.reporting.figure import PART_COLOURS
 
@@ -43,7 +43,7 @@ def round_edges(low: float, high: float, bars: int = _BARS) -> NDArray[np.float6
     span = high - low
     if not span > 0:
         span = abs(high) or 1.0
-        low, high = low - span / 2, high + span / 2
+        low, high = (low - span / 2, high + span / 2) if high else (0.0, 1.0)
     rough = span / bars
     power = 10.0 ** np.floor(np.log10(rough))
     width = next(m * power for m in (*_BINS, 10) if m * power >= rough * 0.999)
@@ -79,7 +79,7 @@ def histogram(
         series: One, or two that are drawn over one another.
         edges: Ascending, evenly spaced, or by an even factor on a logarithmic axis.
         unit: Under the axis.
-        noun: What is counted.
+        noun: What is counted, in a plural that ends in s.
         median: Drawn as a line.
         marks: Value and text of each number that stands apart, drawn as a triangle.
         logarithmic: Equal factors take equal room.
@@ -117,20 +117,20 @@ def histogram(
     parts.append(
         f'<path class="axis" d="M{_LEFT} {floor}H{_WIDTH - _RIGHT}"/>'
         f'<text x="{_WIDTH / 2}" y="{_HEIGHT - 4}" text-anchor="middle">{html.escape(unit)}</text>'
-        f'<text x="{_WIDTH - _RIGHT}" y="{_TOP - 5}" text-anchor="end">{round(tallest):,}'
-        f" {html.escape(noun)} in the tallest bar</text>"
+        f'<text x="{_WIDTH - _RIGHT}" y="{_TOP - 5}" text-anchor="end">tallest bar:'
+        f" {round(tallest):,} {html.escape(noun if round(tallest) != 1 else noun[:-1])}</text>"
     )
     if logarithmic:
         powers = range(math.ceil(places[0] - 1e-6), math.floor(places[-1] + 1e-6) + 1)
-        ticks = [(x_at(10.0**power), f"{10.0**power:g}") for power in powers]
+        labels = [(x_at(10.0**power), f"{10.0**power:g}") for power in powers]
     else:
-        ticks = [(x_at(t), f"{t:g}") for t in _ticks(float(edges[0]), float(edges[-1]), 5)]
+        labels = [(x_at(t), f"{t:g}") for t in ticks(float(edges[0]), float(edges[-1]), 5)]
     ends = [(_LEFT + 0.5 * slot, "&lt;")] * outside[0]
     ends += [(_WIDTH - _RIGHT - 0.5 * slot, "&gt;")] * outside[1]
-    ticks = [t for t in ticks if all(abs(t[0] - x) > _APART for x, _ in ends)] + ends
+    labels = [t for t in labels if all(abs(t[0] - x) > _APART for x, _ in ends)] + ends
     parts += [
         f'<text x="{x:.1f}" y="{floor + 19}" text-anchor="middle">{text}</text>'
-        for x, text in ticks
+        for x, text in labels
     ]
     if median is not None:
         parts.append(f'<path class="median" d="M{x_at(median):.1f} {_TOP - 2}V{floor}"/>')

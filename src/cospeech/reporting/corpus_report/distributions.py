@@ -44,8 +44,8 @@ def histograms_section(store: Store, statistics: CorpusStatistics) -> str:
         " (rest the pointer on one for its id). Wrist speed is measured over"
         f" {'1/15 s' if store.has_upper_body else 'about 1/15 s'}"
         f"{', relative to the body' if store.has_upper_body else ''}, in every frame; a wrist below"
-        " 1 cm/s is still; sound levels are root mean squares of tenths of a second, 0 dBFS a"
-        f" full-scale square wave, at most {MOST_BLOCKS} of them per recording, evenly spaced.</p>"
+        " 1 cm/s is still. Sound levels are root mean squares of blocks of a tenth of a second, at"
+        f" most {MOST_BLOCKS} per recording, evenly spaced; 0 dBFS is a full-scale square wave.</p>"
     )
 
 
@@ -137,7 +137,7 @@ def _levels(levels: StreamingHistogram) -> str:
     edges = np.arange(-96.0, 1.0, 3.0)
     series = [Series("", "bar", levels.rebinned(edges)[0])]
     facts = f"median {middle:.0f} dBFS<br>5 to 95 %: {first:.0f} to {last:.0f} dBFS"
-    return _panel(title, facts, histogram(series, edges, "dBFS", "tenths of a second", middle))
+    return _panel(title, facts, histogram(series, edges, "dBFS", "blocks", middle))
 
 
 def body_section(store: Store, statistics: CorpusStatistics, spans: Sequence[Span]) -> str:
