@@ -41,6 +41,8 @@ def prepare(root: Path, store_dir: Path, workers: int) -> dict[str, float]:
 
     data = TedData(
         root=str(root),
+        kind="auto",
+        published_windows=True,
         store_dir=str(store_dir),
         batch_size=BATCH,
         seed=0,

@@ -8,7 +8,7 @@ from typing import Any
 from lightning import Callback, LightningModule, Trainer
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.windows import WindowLoader
+from cospeech.corpus.window_loader import WindowLoader
 from cospeech.errors import CospeechError
 from cospeech.experiment import RunContext
 from cospeech.reporting.record import write_json

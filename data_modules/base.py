@@ -21,7 +21,8 @@ from cospeech.corpus.source import Source
 from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordings, time_blocks
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset, WindowLoader, WindowSpec
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.joint_map import JointMap
 from cospeech.progress import progress_bar

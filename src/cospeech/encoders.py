@@ -13,7 +13,8 @@ from lightning import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
 from cospeech.corpus.store import Store
-from cospeech.corpus.windows import WindowDataset, WindowLoader
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import WindowDataset
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import (
     EVALUATION_FRAMES,

@@ -14,7 +14,8 @@ from callbacks.run_record import WriteRunRecord
 from callbacks.step_seed import SeedEachStep
 from callbacks.stop_on_nan import StopOnNaN
 from callbacks.throughput import Throughput
-from cospeech.corpus.windows import WindowDataset, WindowLoader, WindowSpec
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.experiment import RunContext
 from cospeech.methods.base import GestureMethod

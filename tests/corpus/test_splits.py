@@ -61,7 +61,7 @@ def test_a_corpus_whose_test_part_is_kept_back_is_judged_on_validation(caplog):
 
 
 def test_a_recording_without_a_published_split_is_named():
-    with pytest.raises(ConfigError, match="1 of 3 recordings.*b") as caught:
+    with pytest.raises(ConfigError, match=r"1 of 3 recordings.*b") as caught:
         published_spans(["a", "b", "c"], ["train", None, "val"], [5, 6, 7])
     assert "data.split=recordings" in caught.value.hint
 

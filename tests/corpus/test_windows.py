@@ -4,7 +4,8 @@ import pytest
 from cospeech.corpus.recording import WindowList
 from cospeech.corpus.splits import SPLITS, Span
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.windows import EpochOrder, WindowDataset, WindowLoader, WindowSpec
+from cospeech.corpus.window_loader import EpochOrder, WindowLoader
+from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech, Word

@@ -38,7 +38,7 @@ def train(outputs, root, data, *overrides):
     assert record["status"] == "ok"
     assert record["final"]["windows"]["fgd"] >= 0
     assert record["final"]["recordings"]["fgd"] >= 0
-    assert {"real train", "mean pose", "noise"} <= set(record["references"])
+    assert {"real_train", "mean_pose", "noise"} <= set(record["references"])
     assert (folder / "samples" / "player.html").is_file()
     return record
 

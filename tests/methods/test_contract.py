@@ -12,7 +12,8 @@ from lightning import Trainer
 import cospeech.experiment  # noqa: F401  registers the resolver of run folders
 from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.splits import Span
-from cospeech.corpus.windows import WindowDataset, WindowLoader
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import WindowDataset
 from cospeech.errors import CospeechError
 from cospeech.methods.base import GestureMethod
 from cospeech.motion.upper_body import UPPER_BODY

@@ -45,7 +45,7 @@ class PackedRecording:
     Attributes:
         facts: What the manifest says of it, as JSON values.
         skeleton: `Skeleton.to_dict` of its skeleton.
-        texts: Text of every row of ``words``.
+        texts: Every row of ``words``, as the vocabulary spells it.
         interlocutor_texts: Text of every row of ``interlocutor_words``.
         annotations: Whatever else is known.
         rows: Stream name -> number of rows.
@@ -98,7 +98,7 @@ def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) ->
         for item in source.read():
             if isinstance(item, Dropped):
                 dropped.append(item)
-                texts |= dict.fromkeys(item.words)
+                texts |= dict.fromkeys(filter(None, map(normalise_word, item.words)))
                 continue
             try:
                 recordings.append(pack(item, joint_map, upper_body))
@@ -180,19 +180,15 @@ def pack(
     )
 
 
-def journal_line(
-    source: PackedSource, ends: dict[str, int], skeletons: Sequence[int]
-) -> dict[str, Any]:
+def journal_entry(source: PackedSource, skeletons: Sequence[int]) -> dict[str, Any]:
     """What a build notes of a source once its bytes are written.
 
     Args:
         source: What was appended.
-        ends: File -> its bytes afterwards.
         skeletons: Index of each recording's skeleton in the store.
     """
     return {
         "source": source.id,
-        "ends": dict(ends),
         "dropped": [
             {k: v for k, v in asdict(dropped).items() if k != "words"} for dropped in source.dropped
         ],
@@ -210,9 +206,9 @@ def journal_line(
 def _words(speech: Speech | None) -> tuple[NDArray[np.float64], list[str]]:
     # A token without a letter or digit is no word (spec 3.4: empty words are skipped).
     words: Sequence = () if speech is None else speech.words or ()
-    kept = [word for word in words if normalise_word(word.text)]
-    rows = np.array([(word.start, word.end, -1.0) for word in kept], dtype=np.float64)
-    return rows.reshape(-1, 3), [word.text for word in kept]
+    spelt = [(word, text) for word in words if (text := normalise_word(word.text))]
+    rows = np.array([(word.start, word.end, -1.0) for word, _ in spelt], dtype=np.float64)
+    return rows.reshape(-1, 3), [text for _, text in spelt]
 
 
 def _quantised(speech: Speech | None) -> NDArray[np.int16]:

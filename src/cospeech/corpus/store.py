@@ -22,17 +22,16 @@ killed build leaves nothing that looks like a store.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.packing import EVALUATION_FPS
+from cospeech.corpus.recording_table import RecordingTable
 from cospeech.corpus.splits import Span
 from cospeech.errors import InputFileError
 from cospeech.motion.motion import Motion
@@ -40,88 +39,9 @@ from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 
-__all__ = ["EVALUATION_FPS", "SCHEMA_VERSION", "Store", "StoredRecording"]
+__all__ = ["EVALUATION_FPS", "SCHEMA_VERSION", "Store"]
 
 SCHEMA_VERSION = 2
-
-RECORDING_FACTS = (
-    "id",
-    "speaker",
-    "skeleton",
-    "fps",
-    "frames",
-    "dimensions",
-    "split",
-    "has_words",
-    "has_audio",
-    "has_phases",
-    "has_interlocutor",
-    "source",
-    "licence",
-)
-
-
-@dataclass(frozen=True)
-class StoredRecording:
-    """What the manifest says of one recording.
-
-    Attributes:
-        id: Recording id.
-        speaker: Speaker name.
-        skeleton: Index into the store's skeletons.
-        fps: Native motion rate.
-        frames: Frames at the evaluation rate.
-        dimensions: 3, or 2 for keypoints of a picture; one number for the whole corpus.
-        split: The split that the corpus publishes, if any.
-        has_words: Whether a transcript exists (an empty list of words differs from none).
-        has_audio: Whether there is sound.
-        has_phases: Whether gesture phases are annotated.
-        has_interlocutor: Whether the other side of a dialogue is there.
-        source: Where it came from.
-        licence: Licence of the data.
-    """
-
-    id: str
-    speaker: str
-    skeleton: int
-    fps: float
-    frames: int
-    dimensions: int
-    split: str | None
-    has_words: bool
-    has_audio: bool
-    has_phases: bool
-    has_interlocutor: bool
-    source: str
-    licence: str
-
-
-class RecordingTable(Sequence[StoredRecording]):
-    """The manifest's recordings, kept as columns: a large corpus has a quarter of a million.
-
-    Args:
-        columns: Attribute of `StoredRecording` -> its value for every recording.
-    """
-
-    def __init__(self, columns: dict[str, list[Any]]) -> None:
-        self.columns = columns
-
-    def __len__(self) -> int:
-        return len(self.columns["id"])
-
-    @overload
-    def __getitem__(self, index: int) -> StoredRecording: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[StoredRecording]: ...
-
-    def __getitem__(self, index: int | slice) -> StoredRecording | list[StoredRecording]:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        return StoredRecording(**{name: self.columns[name][index] for name in RECORDING_FACTS})
-
-    def __iter__(self) -> Iterator[StoredRecording]:
-        return (self[i] for i in range(len(self)))
 
 
 class Store:

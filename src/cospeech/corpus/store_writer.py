@@ -1,43 +1,41 @@
 """Building a store: in a temporary folder beside its place, renamed when complete.
 
-A build that was killed goes on where it stopped. What is appended is noted, source by source, in a
-journal; whatever was written after its last whole line is cut off again.
+A build that was killed goes on after the last source that was noted.
 """
 
 from __future__ import annotations
 
-import json
 import logging
-import os
-import shutil
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
-import torch
 
+from cospeech.corpus.build_folder import BuildFolder, json_line, write_json
 from cospeech.corpus.packing import (
     EVALUATION_FPS,
     STREAMS,
     PackedSource,
-    journal_line,
+    journal_entry,
     pack,
 )
 from cospeech.corpus.recording import Recording
+from cospeech.corpus.recording_table import RECORDING_FACTS
 from cospeech.corpus.source import Dropped
 from cospeech.corpus.splits import SPLITS, Span
-from cospeech.corpus.store import RECORDING_FACTS, SCHEMA_VERSION, Store
+from cospeech.corpus.statistics import upper_body_statistics
+from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.errors import CospeechError
-from cospeech.motion.codecs import direction_vectors
 from cospeech.motion.joint_map import JointMap
-from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE
-from cospeech.speech.vocabulary import Vocabulary
+from cospeech.speech.vocabulary import SPECIAL_TOKENS
 
 logger = logging.getLogger(__name__)
+
+ANNOTATIONS = "annotations.jsonl"
 
 
 class StoreWriter:
@@ -64,32 +62,25 @@ class StoreWriter:
     ) -> None:
         self.path = path
         self.joint_map, self.has_upper_body = joint_map, upper_body
-        self._building = path.with_name(f".{path.name}.building")
         self._meta = {"name": name, "parameters": parameters, "fingerprint": fingerprint}
-        self._files: dict[str, IO[bytes]] = {}
-        self._ends: dict[str, int] = {}
         self._rows: dict[str, list[int]] = {stream: [] for stream in STREAMS}
         self._columns: dict[str, list[Any]] = {name: [] for name in RECORDING_FACTS}
         self._skeletons: list[dict[str, Any]] = []
-        self._texts: dict[str, int] = {}
+        self._word_ids = {token: i for i, token in enumerate(SPECIAL_TOKENS)}
         self._window_grid: dict[str, Any] | None = None
         self.dropped_windows: Counter[str] = Counter()
         self.skipped: list[Dropped] = []
         self.sources_done: list[str] = []
 
-    # The building folder ------------------------------------------------------------------------
-
     def __enter__(self) -> StoreWriter:
         made_by = {"schema": SCHEMA_VERSION, "fingerprint": self._meta["fingerprint"]}
-        if self._read_json("build.json") != made_by:
-            shutil.rmtree(self._building, ignore_errors=True)
-            self._building.mkdir(parents=True)
-            _write_json(self._building / "build.json", made_by)
-        for stream in STREAMS:
-            self._files[stream] = (self._building / f"{stream}.bin").open("ab")
-        for name in ("annotations.jsonl", "journal.jsonl"):
-            self._files[name] = (self._building / name).open("ab")
-        self._take_up()
+        folder = self.path.with_name(f".{self.path.name}.building")
+        names = (*(f"{stream}.bin" for stream in STREAMS), ANNOTATIONS)
+        self._folder = BuildFolder(folder, made_by, names)
+        for entry in self._folder.take_up():
+            self._keep(entry)
+        if self.sources_done:
+            logger.info("going on with %s after %d sources", folder, len(self.sources_done))
         return self
 
     def __exit__(
@@ -98,45 +89,9 @@ class StoreWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for file in self._files.values():
-            file.close()
+        self._folder.close()
         if not self.sources_done:
-            shutil.rmtree(self._building, ignore_errors=True)
-
-    def _read_json(self, name: str) -> Any:
-        try:
-            return json.loads((self._building / name).read_text())
-        except (OSError, ValueError):
-            return None
-
-    def _take_up(self) -> None:
-        """Go through the journal of an earlier build, and cut off what is not in it."""
-        journal = self._building / "journal.jsonl"
-        whole = 0
-        ends = dict.fromkeys((*STREAMS, "annotations.jsonl"), 0)
-        sizes = {name: self._path(name).stat().st_size for name in ends}
-        with journal.open("rb") as lines:
-            for line in lines:
-                try:
-                    entry = json.loads(line)
-                except ValueError:
-                    break  # the line that the kill cut short
-                if any(entry["ends"][name] > sizes[name] for name in ends):
-                    break  # noted, but its bytes never reached the disk
-                ends = entry["ends"]
-                self._note(entry)
-                whole += len(line)
-        self._files["journal.jsonl"].truncate(whole)
-        for name, end in ends.items():
-            self._files[name].truncate(end)
-        self._ends = ends
-        if self.sources_done:
-            logger.info("going on with %s after %d sources", self._building, len(self.sources_done))
-
-    def _path(self, name: str) -> Path:
-        return self._building / (name if "." in name else f"{name}.bin")
-
-    # Appending ----------------------------------------------------------------------------------
+            self._folder.discard()
 
     def append(self, source: PackedSource) -> None:
         """Append everything that came out of one source."""
@@ -153,31 +108,23 @@ class StoreWriter:
                 if texts:
                     data[stream] = self._with_ids(data[stream], texts)
             for stream, values in data.items():
-                self._write(stream, values)
-            self._write("annotations.jsonl", _line(packed.annotations))
-        for name in self._ends:
-            self._files[name].flush()
-        entry = journal_line(source, self._ends, indices)
+                self._folder.write(f"{stream}.bin", values)
+            self._folder.write(ANNOTATIONS, json_line(packed.annotations))
+        entry = journal_entry(source, indices)
         entry["new_skeletons"] = skeletons[len(self._skeletons) :]
-        self._files["journal.jsonl"].write(_line(entry))
-        self._files["journal.jsonl"].flush()
+        self._folder.note(entry)
         for fault in source.faults:
             logger.warning("skipped %s: %s", fault.id, fault.reason)
-        self._note(entry)
-
-    def _write(self, name: str, data: bytes) -> None:
-        self._files[name].write(data)
-        self._ends[name] += len(data)
+        self._keep(entry)
 
     def _with_ids(self, rows: bytes, texts: Sequence[str]) -> bytes:
-        """Word rows with ids in order of first appearance; `finish` makes them the vocabulary's."""
         words = np.frombuffer(rows, dtype="<f8").reshape(-1, 3).copy()
-        words[:, 2] = [self._texts[text] for text in texts]
+        words[:, 2] = [self._word_ids[text] for text in texts]
         return words.tobytes()
 
     def _number(self, texts: Sequence[str]) -> None:
         for text in texts:
-            self._texts.setdefault(text, len(self._texts))
+            self._word_ids.setdefault(text, len(self._word_ids))
 
     def add(self, recording: Recording) -> None:
         """Append one recording.
@@ -189,7 +136,7 @@ class StoreWriter:
         texts = list(dict.fromkeys(packed.texts + packed.interlocutor_texts))
         self.append(PackedSource(recording.id, [packed], texts=texts))
 
-    def _note(self, entry: dict[str, Any]) -> None:
+    def _keep(self, entry: dict[str, Any]) -> None:
         """Keep what a journal entry says; the same for a new one and one of an earlier build."""
         self.sources_done.append(entry["source"])
         self._number(entry["texts"])
@@ -231,8 +178,6 @@ class StoreWriter:
             raise CospeechError(f"no usable recording for {self._meta['name']}\n{reasons}")
         return self._columns["frames"]
 
-    # Finishing ----------------------------------------------------------------------------------
-
     def finish(self, splits: dict[str, list[Span]]) -> Store:
         """Write the manifest, move the store to its place and open it.
 
@@ -240,18 +185,7 @@ class StoreWriter:
             splits: Spans of each split. Statistics come from ``"train"`` alone, but the words, as
                 published, from all (spec 3.8).
         """
-        for file in self._files.values():
-            file.close()
-        vocabulary = Vocabulary.build(self._texts)
-        ids = np.array([vocabulary.encode(text) for text in self._texts], dtype="<f8")
-        for stream in ("words", "interlocutor_words"):
-            rows = sum(self._rows[stream])
-            if rows:
-                words = np.memmap(
-                    self._path(stream), dtype="<f8", mode="r+", shape=(rows, STREAMS[stream][1])
-                )
-                words[:, 2] = ids[words[:, 2].astype(np.int64)]
-                words.flush()
+        self._folder.close()
         train = {span.recording for span in splits["train"]}
         if not train:
             raise CospeechError("the training split is empty", "give the corpus more recordings")
@@ -277,7 +211,7 @@ class StoreWriter:
                 name: [[span.recording, span.start, span.stop] for span in splits[name]]
                 for name in SPLITS
             },
-            "statistics": self._statistics(splits["train"]) if self.has_upper_body else {},
+            "statistics": self._statistics(splits["train"]),
             "sources": len(self.sources_done),
             "skipped": [
                 {"id": item.id, "reason": item.reason, "kind": item.kind, "is_fault": item.is_fault}
@@ -287,18 +221,21 @@ class StoreWriter:
             "recordings": self._columns,
             "rows": self._rows,
         }
-        _write_json(self._building / "vocabulary.json", vocabulary.words)
-        _write_json(self._building / "manifest.json", manifest)
-        for name in ("journal.jsonl", "build.json"):
-            (self._building / name).unlink()
-        try:
-            self._building.rename(self.path)
-        except OSError:
+        write_json(self._folder.path / "vocabulary.json", list(self._word_ids))
+        write_json(self._folder.path / "manifest.json", manifest)
+        if not self._folder.become(self.path):
             # Another process finished the same store first; its bytes are as good as ours.
-            if not (self.path / "manifest.json").is_file():
-                raise
-            shutil.rmtree(self._building, ignore_errors=True)
+            self._folder.discard()
         return Store(self.path)
+
+    def _statistics(self, spans: Sequence[Span]) -> dict[str, list[float]]:
+        if not self.has_upper_body:
+            return {}
+        rows = self._rows["upper_body"]
+        upper_body = np.memmap(
+            self._folder.path / "upper_body.bin", "<f4", mode="r", shape=(sum(rows), 10, 3)
+        )
+        return upper_body_statistics(upper_body, np.cumsum([0, *rows]), spans)
 
     def _dimensions(self) -> int:
         dimensions = set(self._columns["dimensions"])
@@ -309,25 +246,6 @@ class StoreWriter:
     def _width(self, stream: str) -> int:
         return self._dimensions() if stream == "positions" else STREAMS[stream][1]
 
-    def _statistics(self, spans: Sequence[Span]) -> dict[str, list[float]]:
-        """Mean direction vector (27) and mean bone lengths (9, metres) of the training split."""
-        total = sum(self._rows["upper_body"])
-        upper = np.memmap(self._path("upper_body"), dtype="<f4", mode="r", shape=(total, 10, 3))
-        firsts = np.cumsum([0, *self._rows["upper_body"]])
-        direction_sum, length_sum, count = np.zeros((9, 3)), np.zeros(9), 0
-        parents = list(UPPER_BODY.parents[1:])
-        for span in spans:
-            first = firsts[span.recording]
-            positions = np.array(upper[first + span.start : first + span.stop], dtype=np.float64)
-            direction_sum += direction_vectors(torch.from_numpy(positions)).sum(0).numpy()
-            bones = positions[:, 1:] - positions[:, parents]
-            length_sum += np.linalg.norm(bones, axis=-1).sum(0)
-            count += len(positions)
-        return {
-            "mean_direction": (direction_sum / count).reshape(27).tolist(),
-            "bone_lengths": (length_sum / count).tolist(),
-        }
-
 
 def _index_of(skeleton: dict[str, Any], known: list[dict[str, Any]]) -> int:
     """Index of the skeleton with the same joints and parents; appended when it is new."""
@@ -336,14 +254,3 @@ def _index_of(skeleton: dict[str, Any], known: list[dict[str, Any]]) -> int:
             return i
     known.append(skeleton)
     return len(known) - 1
-
-
-def _line(values: Any) -> bytes:
-    return json.dumps(values).encode() + b"\n"
-
-
-def _write_json(path: Path, values: Any) -> None:
-    with path.open("w") as file:
-        json.dump(values, file)
-        file.flush()
-        os.fsync(file.fileno())
