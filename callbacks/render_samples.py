@@ -45,11 +45,14 @@ class RenderSamples(Callback):
         self.spans = self._choose(clips)
 
     def _choose(self, count: int) -> list[Span]:
-        """The first validation span of each speaker, cut to the clip's length."""
+        """The first validation span with sound of each speaker, cut to the clip's length."""
         frames = round(self.seconds * EVALUATION_FPS)
         spans: dict[str, Span] = {}
+        columns = self.run.store.recordings.columns
         for span in self.run.store.splits["val"]:
-            speaker = self.run.store.recordings[span.recording].speaker
+            if not columns["has_audio"][span.recording]:
+                continue
+            speaker = columns["speaker"][span.recording]
             stop = min(span.stop, span.start + frames)
             spans.setdefault(speaker, Span(span.recording, span.start, stop))
         return list(spans.values())[:count]
@@ -66,7 +69,7 @@ class RenderSamples(Callback):
             self._render(pl_module, self.folder / "player.html", final=True)
 
     def _render(self, pl_module: LightningModule, path: Path, final: bool = False) -> None:
-        if not isinstance(pl_module, GestureMethod):
+        if not isinstance(pl_module, GestureMethod) or not self.spans:
             return
         clips = []
         training = pl_module.training

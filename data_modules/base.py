@@ -19,7 +19,8 @@ from lightning import LightningDataModule
 from cospeech.corpus.reading import packed_sources, sensible_workers
 from cospeech.corpus.source import Source
 from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordings, time_blocks
-from cospeech.corpus.store import SCHEMA_VERSION, Store
+from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.store import EVALUATION_FPS, SCHEMA_VERSION, Store
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset, WindowSpec
@@ -81,6 +82,7 @@ class StoreDataModule(LightningDataModule):
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._window: tuple[WindowSpec, frozenset[str]] | None = None
+        self._datasets: dict[str, WindowDataset | StepWindows] = {}
 
     @property
     @abstractmethod
@@ -233,30 +235,48 @@ class StoreDataModule(LightningDataModule):
     def attach(self, method: WindowReader) -> None:
         """Serve the windows that a method works on."""
         self._window = (method.window, method.needs)
+        self._datasets = {}
 
     @property
     def needs(self) -> frozenset[str]:
         """Batch fields that the attached method reads."""
         return frozenset() if self._window is None else self._window[1]
 
-    def dataset(self, split: str) -> WindowDataset:
-        """The fixed windows of one split for the attached method."""
+    def dataset(self, split: str) -> WindowDataset | StepWindows:
+        """The fixed windows of one split for the attached method, made once.
+
+        A method of another rate than the evaluation's gets windows of the gesturing joints at its
+        own: for training in runs, of every interleave; for judging one by one, side by side.
+        """
         if self._window is None:
             raise RuntimeError("call attach(method) before asking for windows")
-        spec, needs = self._window
-        return WindowDataset(self.prepare_store(), split, spec, needs)
+        if split not in self._datasets:
+            spec, needs = self._window
+            store, training = self.prepare_store(), split == "train"
+            if spec.fps == EVALUATION_FPS:
+                self._datasets[split] = WindowDataset(store, split, spec, needs)
+            else:
+                if not training:
+                    spec = replace(spec, run=1, stride=spec.frames)
+                self._datasets[split] = StepWindows(store, split, spec, needs, training)
+        return self._datasets[split]
+
+    def _loader(self, split: str, shuffle: bool) -> WindowLoader:
+        dataset = self.dataset(split)
+        runs = max(1, self.batch_size // dataset.spec.run)
+        return WindowLoader(dataset, runs, self.seed, shuffle, shuffle)
 
     def train_dataloader(self) -> WindowLoader:
         """Shuffled, last partial batch dropped (as published)."""
-        return WindowLoader(self.dataset("train"), self.batch_size, self.seed, True, True)
+        return self._loader("train", shuffle=True)
 
     def val_dataloader(self) -> WindowLoader:
         """Every validation window in its fixed order."""
-        return WindowLoader(self.dataset("val"), self.batch_size, self.seed, False, False)
+        return self._loader("val", shuffle=False)
 
     def test_dataloader(self) -> WindowLoader:
         """Every test window in its fixed order."""
-        return WindowLoader(self.dataset("test"), self.batch_size, self.seed, False, False)
+        return self._loader("test", shuffle=False)
 
 
 class WindowReader(Protocol):

@@ -24,7 +24,7 @@ class BerkeleyData(StoreDataModule):
         root: Folder of the tables and the speakers' folders (2-D), or of the ``*_data.npz`` files
             or their folders (3-D).
         kind: ``"2d"``, ``"3d"``, or ``"auto"``: what the folder holds.
-        speakers: Only these; None for all there are.
+        speakers: Only these, a list or one name; None for all there are.
         chunks: Which files of the 3-D extension: ``"matching"``, the disjoint chunks, or
             ``"pairs"``, the overlapping windows.
 
@@ -43,6 +43,8 @@ class BerkeleyData(StoreDataModule):
             raise ConfigError(f"data.kind={self.kind}: choose one of {', '.join(KINDS)}")
         if self.chunks not in CHUNK_SETS:
             raise ConfigError(f"data.chunks={self.chunks}: choose {' or '.join(CHUNK_SETS)}")
+        if isinstance(self.speakers, str):
+            self.speakers = [self.speakers]
         # Hydra hands over a list of its own kind.
         self.speakers = None if self.speakers is None else [str(name) for name in self.speakers]
         if self.kind == "auto":

@@ -31,10 +31,12 @@ class TrinityData(MocapCorpus):
 
     def find_takes(self) -> list[Take]:
         """Recordings under their Trinity names."""
+        published = self.split == "published" and self.split_list is None
         return find_trinity_takes(
             self.root,
-            split_rule=self.split_rule,
+            split_rule=self.split_rule if published else None,
             layout=self.layout,
             offsets=self.offsets,
             missing_audio=self.missing_audio,
+            split_list=self.split_list,
         )

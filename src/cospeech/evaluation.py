@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import torch
@@ -17,8 +19,13 @@ from cospeech.metrics.encoder import GestureEncoder
 from cospeech.progress import progress_bar
 from cospeech.reporting.record import write_json
 
+logger = logging.getLogger(__name__)
+
 References = dict[str, dict[str, float]]
 """Row name -> metric name -> value."""
+
+FRAMES_AT_ONCE = 10_000
+"""Training frames whose windows are in memory together, for the reference rows."""
 
 
 def real_windows(store: Store, spans: list[Span]) -> tuple[Tensor, list[str]]:
@@ -63,16 +70,52 @@ def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int)
     if kept is not None:
         return kept
     real, ids = real_windows(store, store.splits[split])
-    train = (real_windows(store, [span])[0] for span in _long_enough(store, "train"))
+    train = (real_windows(store, spans)[0] for spans in _groups(_long_enough(store, "train")))
     rows = protocol.reference_rows(encoder, train, real, ids, seed)
     write_json(path, rows)
     return rows
+
+
+def heard_spans(store: Store, spans: list[Span]) -> list[Span]:
+    """The spans whose recordings have sound, with a warning about the others.
+
+    Raises:
+        CospeechError: None has.
+    """
+    has_audio = store.recordings.columns["has_audio"]
+    heard = [span for span in spans if has_audio[span.recording]]
+    if spans and not heard:
+        raise CospeechError(
+            f"{store.name}: no recording has sound to generate motion for", "judge on another split"
+        )
+    if len(heard) < len(spans):
+        logger.warning(
+            "%s: no motion is generated for %d of %d recordings, which have no sound",
+            store.name,
+            len(spans) - len(heard),
+            len(spans),
+        )
+    return heard
 
 
 def _long_enough(store: Store, split: str) -> list[Span]:
     return [
         span for span in store.splits[split] if span.stop - span.start >= protocol.EVALUATION_FRAMES
     ]
+
+
+def _groups(spans: list[Span]) -> Iterator[list[Span]]:
+    """Spans in groups of about `FRAMES_AT_ONCE`: to encode a short one by itself is slow."""
+    group: list[Span] = []
+    frames = 0
+    for span in spans:
+        group.append(span)
+        frames += span.stop - span.start
+        if frames >= FRAMES_AT_ONCE:
+            yield group
+            group, frames = [], 0
+    if group:
+        yield group
 
 
 def _read_rows(path: Path) -> References | None:
@@ -93,7 +136,8 @@ def evaluate_recordings(
     """The recordings protocol: generate over each whole recording, cut, compare.
 
     No seed motion is given: the motion comes from speech (and the speaker, where known) alone.
-    Recording i is generated from seed i.
+    Recording i is generated from seed i. Recordings without sound can't be generated for, and are
+    left out with a warning.
 
     Args:
         method: A trained method.
@@ -104,8 +148,12 @@ def evaluate_recordings(
 
     Returns:
         The values of `protocol.paired_row`.
+
+    Raises:
+        CospeechError: No recording of the split has sound and the length of a window.
     """
-    spans = _long_enough(store, split)[:limit]
+    spans = heard_spans(store, _long_enough(store, split))[:limit]
+    real, ids = real_windows(store, spans)
     generated = []
     training = method.training
     method.eval()
@@ -127,5 +175,4 @@ def evaluate_recordings(
             )
         generated.append(windows)
     method.train(training)
-    real, ids = real_windows(store, spans)
     return protocol.paired_row(encoder, torch.cat(generated), real, ids)

@@ -8,7 +8,7 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 
 from callbacks.cost_estimate import CostEstimate
-from callbacks.evaluate_fgd import EvaluateFGD
+from callbacks.evaluate_fgd import EvaluateFGD, evaluation_windows
 from callbacks.progress_bar import EpochLines
 from callbacks.run_record import WriteRunRecord
 from callbacks.step_seed import SeedEachStep
@@ -112,6 +112,14 @@ def test_fgd_is_that_of_all_validation_windows(run):
     assert logged["val/acceleration_error"].item() == pytest.approx(0, abs=1e-7)
 
 
+def test_longer_windows_are_cut_into_those_of_the_evaluation_space():
+    positions = torch.arange(2 * 75.0).reshape(2, 75, 1, 1).expand(2, 75, 10, 3)
+    windows = evaluation_windows(positions)
+    assert windows.shape == (10, 34, 10, 3)  # from frames 0, 10, 20, 30 and 40 of each item
+    assert windows[:, 0, 0, 0].tolist() == [0, 10, 20, 30, 40, 75, 85, 95, 105, 115]
+    assert windows[3, :, 4, 2].tolist() == list(range(30, 64))
+
+
 def test_the_record_has_a_row_per_epoch_as_it_ends(run):
     fit(run, Shifted(), [EvaluateFGD(run), Throughput(), WriteRunRecord(run)], epochs=3)
     record = json.loads(run.record.path.read_text())
@@ -138,7 +146,7 @@ def test_a_nan_loss_stops_the_run_and_names_the_windows(run):
     expected = list(loader(run, "train"))[2].window_ids.tolist()
     assert [window["window"] for window in note["windows"]] == expected
     first = note["windows"][0]
-    recording, start = loader(run, "train").dataset.windows[first["window"]]
+    recording, start, _ = loader(run, "train").dataset.windows[first["window"]]
     assert first["recording"] == run.store.recordings[recording].id
     assert first["start_s"] == pytest.approx(start / 15)
 

@@ -106,6 +106,25 @@ def test_table_names_and_row_order(tmp_path, table):
         assert item.annotations == found[name].annotations
 
 
+def test_frame_ids_order_frames_of_one_time(tmp_path):
+    truth = write_2d(tmp_path, ("oliver",), frames=180, intervals=1, audio=None)
+    table = tmp_path / "frames_df_10_19_19.csv"
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    rows.sort(key=lambda row: int(row["frame_id"]))
+    rows[101]["pose_dt"] = rows[100]["pose_dt"]
+    with table.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(reversed(rows))
+    first, second = read_all(tmp_path)
+    assert [len(first.motion), len(second.motion)] == [101, 78]
+    points = np.delete(truth["oliver", "oliver:0"]["points"], [7, 8, 9], axis=2)
+    assert (points[100] != points[101]).any()
+    last = (points[100] - points[100, :, :1]) * [[1], [-1]]
+    np.testing.assert_array_equal(first.motion.positions[-1], last.T)
+
+
 def test_times():
     assert parse_time("00:01:29.389389") == pytest.approx(89.389389, abs=1e-9)
     assert parse_time("01:00:00") == 3600

@@ -1,5 +1,7 @@
 """GENEA 2022 and 2023: names, speakers, splits, the other side of a dialogue, hostile metadata."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,35 @@ def test_2022(tmp_path):
     np.testing.assert_allclose(lengths, [0.28, 0.25], atol=1e-5)
     assert "warnings" not in recording.annotations
     assert "CC BY-NC" in recording.licence
+
+
+def with_position_channels_everywhere(text):
+    """The published files' channels: all six on every joint, positions repeating the offset."""
+    head, rows = text.split("MOTION")
+    offsets = re.findall(r"OFFSET (.+)\n\s*CHANNELS", head)
+    positions = "Xposition Yposition Zposition"
+    turns = re.search(r"CHANNELS 3 (.+)", head)[1]
+    head = re.sub(r"CHANNELS .+", f"CHANNELS 6 {positions} {turns}", head)
+    first, second, third, *frames = rows.splitlines()
+    full = []
+    for numbers in map(str.split, frames):
+        row = numbers[:6]
+        for joint, offset in enumerate(offsets[1:]):
+            row += [*offset.split(), *numbers[6 + 3 * joint : 9 + 3 * joint]]
+        full.append(" ".join(row))
+    return head + "MOTION" + "\n".join([first, second, third, *full]) + "\n"
+
+
+def test_position_channels_replace_the_offset(tmp_path):
+    """Spec 4.1: the challenge's converter added them, so that every bone came out doubled."""
+    write_genea_2022(tmp_path, {"trn_2022_v1_000": 3})
+    before = read_take(find_genea_takes(tmp_path)[0]).motion
+    (path,) = tmp_path.rglob("*.bvh")
+    text = with_position_channels_everywhere(path.read_text())
+    assert text.count("CHANNELS 6") == len(before.skeleton) - len(before.skeleton.end_sites) > 10
+    path.write_text(text)
+    after = read_take(find_genea_takes(tmp_path)[0]).motion
+    np.testing.assert_allclose(after.positions, before.positions, atol=1e-5)
 
 
 def test_2023_keeps_the_interlocutor(tmp_path):

@@ -8,6 +8,7 @@ import lmdb
 import numpy as np
 import pytest
 
+from cospeech.corpus.packing import pack_source
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Dropped
 from cospeech.corpus.windows import WindowSpec
@@ -16,13 +17,13 @@ from cospeech.formats import ted_lmdb
 from cospeech.formats.lmdb_values import list_keys, read_value
 from cospeech.formats.ted import expressive
 from cospeech.formats.ted.filters import PUBLISHED_RULES
-from cospeech.formats.ted.recordings import METRES_PER_UNIT
 from cospeech.formats.ted_lmdb import find_ted_sources, read_samples, read_video
 from cospeech.motion.upper_body import EVALUATION_JOINTS, doubts_about, to_upper_body
 from data_modules.ted import TedData
-from tests.fabricated.ted import write_ted
+from tests.fabricated.ted import write_ted, write_values
 from tests.fabricated.ted_clips import make_clip, make_poses, moved_clip
 
+METRES_PER_UNIT = 4 / 3  # bones of 2.40 / 9 m on average, stored with 0.2
 SPEC = WindowSpec(fps=15.0, frames=34, seed_frames=4, stride=10)
 BASE = {
     "batch_size": 4, "seed": 0, "split": "published", "val_share": 0.1, "test_share": 0.1,
@@ -191,6 +192,108 @@ def test_unknown_joints_are_an_error_and_no_clips_are_not(fixture):
     assert (empty.id, empty.kind, empty.is_fault) == ("synthEXP_02", "no clip", False)
 
 
+def plain(node):
+    """A sidecar's description as the value it describes; arrays stay described."""
+    match node["t"]:
+        case "dict":
+            return {plain(key): plain(item) for key, item in node["v"]}
+        case "list":
+            return [plain(item) for item in node["v"]]
+        case "float":
+            return float.fromhex(node["v"])
+        case "str":
+            return node["v"]
+    return node
+
+
+def described_videos(fixture, database):
+    entries = json.loads((fixture / f"expected_{database}.json").read_text())["entries"]
+    return [plain(entry["value"]) for entry in entries]
+
+
+def test_a_recording_is_what_the_sidecars_say(fixture):
+    """Clip 1 of the first video: its arrays and words as they were before they were written."""
+    _, recording = find_ted_sources(fixture)[0].read()
+    clip = described_videos(fixture, "lmdb_train")[0]["clips"][1]
+    with np.load(fixture / "arrays_train_0000000000_clip1.npz") as arrays:
+        poses, audio = arrays["skeletons_3d"].astype(np.float64), arrays["audio_raw"]
+    np.testing.assert_array_equal(recording.speech.waveform, audio.astype(np.float32))
+    seconds = clip["end_time"] - clip["start_time"]
+    frames = math.ceil(seconds * 15)
+    assert (recording.motion.fps, len(recording.motion)) == (15.0, frames)
+    at = np.arange(frames) * len(poses) / (seconds * 15)
+    inside = at <= len(poses) - 1
+    assert inside.sum() > 100
+    for joint, axis in np.ndindex(10, 3):
+        line = np.interp(at, np.arange(len(poses)), poses[:, joint, axis])
+        # half precision of numbers below 1
+        expected = line * (-1, -1, 1)[axis] * 4 / 3
+        found = recording.motion.positions[:, joint, axis]
+        np.testing.assert_allclose(found[inside], expected[inside], atol=1e-3)
+    assert [(w.text, w.start, w.end) for w in recording.speech.words] == [
+        (text, start - clip["start_time"], end - clip["start_time"])
+        for text, start, end in clip["words"]
+    ]
+
+
+def prepared(root, store_dir, **changes):
+    settings = {"kind": "auto", "published_windows": True, **BASE, **changes}
+    return TedData(root=str(root), store_dir=str(store_dir), **settings).prepare_store()
+
+
+def test_vocabulary_and_speakers_are_the_published_ones(fixture, tmp_path):
+    """Spec 3.8 and 3.9: words in raw clip order over the splits, an id for each training video."""
+    videos = {name: described_videos(fixture, name) for name in ("lmdb_train", "lmdb_val")}
+    words = [
+        text
+        for name in ("lmdb_train", "lmdb_val")
+        for video in videos[name]
+        for clip in video["clips"]
+        for text, _, _ in clip["words"]
+    ]
+    store = prepared(fixture, tmp_path)
+    specials = ["<PAD>", "<SOS>", "<EOS>", "<UNK>"]
+    assert store.vocabulary == [*specials, *dict.fromkeys(words)]
+    speakers = [video["vid"] for video in videos["lmdb_train"]]
+    assert store.speaker_ids == {name: i for i, name in enumerate(speakers, 1)}
+
+
+def test_words_of_what_gives_no_window_are_in_the_vocabulary_in_their_place(tmp_path):
+    def saying(clip, *texts):
+        times = np.linspace(clip["start_time"], clip["end_time"], len(texts) + 1)
+        return clip | {
+            "words": [
+                [text, float(start), float(start) + 0.2]
+                for text, start in zip(texts, times, strict=False)
+            ]
+        }
+
+    good, short, still = make_clip(8.0), make_clip(2.0), make_clip(8.0, arm_swing=0.0)
+    nan = {"skeletons_3d": np.full_like(good["skeletons_3d"], np.nan)}
+    fields = [f for f in good if f != "audio_raw"]
+    train = [
+        saying(short, "one", "two"),
+        saying(still, "three", "one"),
+        saying(good, *"four five six seven eight".split()),
+        saying(good, "nine", "four") | nan,
+        {f: saying(good, "ten")[f] for f in fields},
+        saying(good, *"eleven twelve five six".split()),
+        saying(expressive_clip([(60, 400)]), *"a b c d e".split()),
+    ]
+    for name, clips in (
+        ("lmdb_test", [saying(good, "last", "one", "first")]),
+        ("lmdb_val", [saying(still, "later")]),
+        ("lmdb_train", train),
+    ):
+        values = [(i, {"vid": f"{name}{i}", "clips": [clip]}) for i, clip in enumerate(clips)]
+        write_values(tmp_path / "raw" / name, iter(values))
+    packed = [pack_source(source, None, True) for source in find_ted_sources(tmp_path / "raw")]
+    assert list(dict.fromkeys(text for source in packed for text in source.texts)) == [
+        *"one two three four five six seven eight nine ten eleven twelve".split(),
+        *"a b c d e later last first".split(),
+    ]
+
+
 def video_of(monkeypatch, *clips, vid="vid"):
     """What `read_video` makes of a video with these clips."""
     monkeypatch.setattr(ted_lmdb, "read_value", lambda _, __: {"vid": vid, "clips": list(clips)})
@@ -312,6 +415,10 @@ def test_expressive_clips_become_43_joints_in_house_axes(monkeypatch):
         ("l_wrist", 0.33),
     ):
         np.testing.assert_allclose(lengths[name], metres, atol=1e-3)
+    # house axes: the left is at +x, the face looks along +z
+    stored = {name: motion.positions[:, i] for name, i in motion.skeleton.index.items()}
+    assert (stored["l_shoulder"][:, 0] > stored["r_shoulder"][:, 0] + 0.3).all()
+    assert (stored["nose"][:, 1:] > stored["neck"][:, 1:] + [0.1, 0.05]).all()
     upper = to_upper_body(motion)
     assert doubts_about(upper) == []
     at = {name: upper.positions[:, i] for i, name in enumerate(EVALUATION_JOINTS)}
@@ -327,7 +434,11 @@ def test_short_gaps_are_filled_and_long_ones_cut(monkeypatch):
     expected = whole[99] + (whole[105] - whole[99]) * (np.arange(1, 6) / 6)[:, None, None]
     np.testing.assert_allclose(filled.motion.positions[100:105], expected, atol=2e-4)
 
-    first, second = video_of(monkeypatch, expressive_clip([(0, 3), (200, 206), (490, 500)]))
+    left_out, first, second = video_of(
+        monkeypatch, expressive_clip([(0, 3), (200, 206), (490, 500)])
+    )
+    assert (left_out.kind, left_out.is_fault) == ("speaker not detected", False)
+    assert "19 of 500 frames cut out" in left_out.reason
     assert [first.id, second.id] == ["vid_0-0", "vid_0-1"]
     assert [len(first.motion), len(second.motion)] == [197, 284]
     assert second.annotations["first_frame_in_clip"] == 206

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -112,6 +113,21 @@ def test_resampling_goes_on_past_the_last_frame():
     # 4 frames in a second at 15 fps: a step of 4/15 of a frame, the last one at 14 * 4/15 = 3.73
     resampled = resample_poses(ramp, 1.0, 15)
     np.testing.assert_allclose(resampled[:, 0, 0], np.arange(15) * 4 / 15, atol=2e-3)
+
+
+def test_published_means_agree_with_each_other_and_the_specification(shared):
+    """Spec 3.1 and 3.2: the digits, and that both means are of one body."""
+    text = (shared / "specs" / "trimodal.md").read_text(encoding="utf-8")
+    for title, mean in (
+        ("Mean direction vector (27):", PUBLISHED_MEAN_DIRECTION),
+        ("Mean pose (30):", PUBLISHED_MEAN_POSE),
+    ):
+        listed = text.split(title)[1].split("\n\n")[0]
+        assert mean == tuple(float(number) for number in re.findall(r"-?\d+\.\d+", listed))
+    pose, directions = np.reshape(PUBLISHED_MEAN_POSE, (10, 3)), PUBLISHED_MEAN_DIRECTION
+    bones = np.linalg.norm(pose[1:] - pose[[0, 1, 2, 1, 4, 5, 1, 7, 8]], axis=1)
+    shares = bones / np.linalg.norm(np.reshape(directions, (9, 3)), axis=1)
+    assert shares.mean() == pytest.approx(0.2012, abs=5e-5)
 
 
 STILL = np.tile(np.reshape(PUBLISHED_MEAN_POSE, (10, 3)), (42, 1, 1))

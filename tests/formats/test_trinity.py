@@ -1,5 +1,6 @@
 """Trinity Speech-Gesture: names, splits and their overlap, and raw takes brought into step."""
 
+import re
 import shutil
 
 import numpy as np
@@ -32,6 +33,14 @@ def test_the_renaming_table_is_one_to_one():
     assert len(TRAINING) == 23
     assert len(TEST) == 10
     assert len(set(all_names())) == 33
+
+
+def test_the_renaming_table_is_the_specifications(shared):
+    text = (shared / "specs" / "gesticulator_and_baselines.md").read_text(encoding="utf-8")
+    for title, table in (("train", TRAINING), ("test", TEST)):
+        (row,) = re.findall(rf"^\| GENEA {title} → Trinity \| (.+) \|$", text, re.MULTILINE)
+        pairs = (pair.split("→") for pair in row.split())
+        assert table == {int(number): name for number, name in pairs}
 
 
 def test_the_released_split_is_gesticulators():
@@ -97,6 +106,25 @@ def test_the_challenge_rule_has_no_overlap_and_no_warning(tmp_path, caplog):
     }  # fmt: skip
     assert not caplog.records
     assert not any(take.warnings for take in takes.values())
+
+
+def test_a_split_list_goes_before_the_rule_and_is_warned_of_by_itself(tmp_path, caplog):
+    write_trinity_release(tmp_path)
+    path = put_text(
+        tmp_path / "mine.csv",
+        "id,split\nNaturalTalking_021,train\nNaturalTalking_027,test\nNaturalTalking_001,val\n",
+    )
+    takes = {take.id[15:]: take for take in find_trinity_takes(tmp_path, split_list=path)}
+    splits = {name: take.split for name, take in takes.items() if take.split}
+    assert splits == {"001": "val", "021": "train", "027": "test"}
+    assert [name for name, take in takes.items() if take.warnings] == ["021"]
+    assert takes["021"].tables == (path,)
+    assert "NaturalTalking_021: the split list mine.csv trains on a test recording" in caplog.text
+    assert "released" not in caplog.text.split("data.split_rule")[0]
+    caplog.clear()
+    path.write_text("id,split\nNaturalTalking_001,train\nNaturalTalking_027,test\n")
+    assert not any(take.warnings for take in find_trinity_takes(tmp_path, split_list=path))
+    assert not caplog.records
 
 
 def test_files_renamed_by_gesticulators_scripts_are_the_same(tmp_path):

@@ -14,10 +14,16 @@ class GestureBatch:
 
     Attributes:
         window_ids: ``(B,)`` int64, index of each window in its split's fixed list.
-        positions: ``(B, T, 10, 3)`` float32, upper-body joints, root-relative, metres, house axes.
+        positions: ``(B, T, 10, 3)`` float32, upper-body joints at the evaluation rate,
+            root-relative, metres, house axes.
         audio: ``(B, N)`` float32, 16 kHz; ``N = round(T / fps * 16000)``.
         words: ``(B, T)`` int64, word id on its onset frame, 0 elsewhere (spec 3.7).
         speakers: ``(B,)`` int64, 1..n_speakers.
+        joints: ``(B, T, J, 3)`` float32, the gesturing joints at the method's rate, relative to the
+            pelvis, facing +z, metres (`cospeech.motion.gesture_joints`).
+        acoustics: ``(B, T, 27)`` float32, 26 MFCC and F0 at the method's rate
+            (`cospeech.speech.feature_sets.opensmile`), not normalised.
+        phases: ``(B, T)`` int64, gesture phases as indices into `cospeech.motion.phases.PHASES`.
     """
 
     window_ids: Tensor
@@ -25,6 +31,9 @@ class GestureBatch:
     audio: Tensor | None = None
     words: Tensor | None = None
     speakers: Tensor | None = None
+    joints: Tensor | None = None
+    acoustics: Tensor | None = None
+    phases: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.window_ids)

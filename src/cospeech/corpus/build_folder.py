@@ -10,6 +10,10 @@ from pathlib import Path
 from typing import IO, Any
 
 
+BOOKS = ("journal.jsonl", "build.json")
+"""What only a build needs."""
+
+
 class BuildFolder:
     """Files that only grow, and a journal of how far each had grown when a step was complete.
 
@@ -81,12 +85,17 @@ class BuildFolder:
         shutil.rmtree(self.path, ignore_errors=True)
 
     def become(self, path: Path) -> bool:
-        """Move the complete folder to its place, without the journal; False if one is there."""
-        try:
-            self.path.rename(path)
-        except OSError:
+        """Move the complete folder to its place, without the journal.
+
+        Returns:
+            False if something is there already.
+        """
+        if path.exists() and any(path.iterdir()):
             return False
-        for name in ("journal.jsonl", "build.json"):
+        if path.exists():
+            path.rmdir()
+        self.path.rename(path)
+        for name in BOOKS:
             (path / name).unlink()
         return True
 

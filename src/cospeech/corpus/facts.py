@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import Any, TypedDict
 
 
 class CorpusFacts(TypedDict):
@@ -13,9 +13,13 @@ class CorpusFacts(TypedDict):
         speakers: Training speakers; speaker i has id i + 1, and id 0 means unknown.
         mean_direction: 27 numbers, mean direction vectors of the training split, house axes.
         bone_lengths: Nine mean bone lengths of the training split, metres.
+        skeleton: The recordings' skeleton (`Skeleton.to_dict`); of several, the first.
+        fingerprint: Hash of the corpus's sources and settings.
     """
 
     words: list[str]
     speakers: list[str]
     mean_direction: list[float]
     bone_lengths: list[float]
+    skeleton: dict[str, Any]
+    fingerprint: str

@@ -6,6 +6,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -61,27 +62,37 @@ def packed_sources(
         return
     # Spawned, not forked: a fork beside torch's threads can hang.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_leave_ctrl_c_to_the_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_follow_the_parent)
     remaining = iter(sources)
     waiting: deque[tuple[str, Future[PackedSource]]] = deque()
+    source_id = ""
     try:
         while True:
             for source in islice(remaining, AHEAD * workers - len(waiting)):
+                source_id = waiting[0][0] if waiting else source.id
                 waiting.append((source.id, pool.submit(pack_source, source, joint_map, upper_body)))
             if not waiting:
                 return
             source_id, future = waiting.popleft()
-            try:
-                yield future.result()
-            except BrokenProcessPool:
-                raise CospeechError(
-                    f"a process that was reading {source_id} or one of the next was killed, most"
-                    " likely for lack of memory",
-                    "start again with fewer: data.workers=1; what is done is kept",
-                ) from None
+            yield future.result()
+    except BrokenProcessPool:  # comes from submitting as well
+        raise CospeechError(
+            f"a process that was reading {source_id} or one of the next was killed, most"
+            " likely for lack of memory",
+            "start again with fewer: data.workers=1; what is done is kept",
+        ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _leave_ctrl_c_to_the_parent() -> None:
+def _follow_the_parent() -> None:
+    """Leave Ctrl-C to the parent process, but end when it is gone, killed without a word."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cospeech.corpus.recording import Recording
+from cospeech.errors import CospeechError
 
 
 @dataclass(frozen=True)
@@ -46,3 +47,14 @@ class Source:
     id: str
     read: Callable[[], Iterable[Recording | Dropped]]
     files: tuple[Path, ...]
+
+
+def existing_folder(root: str | Path) -> Path:
+    """The folder that ``data.root`` names.
+
+    Raises:
+        CospeechError: It is absent, or no folder.
+    """
+    if not Path(root).is_dir():
+        raise CospeechError(f"{root} is not a folder", hint="check the path (data.root)")
+    return Path(root)

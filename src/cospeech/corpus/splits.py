@@ -87,7 +87,7 @@ def split_recordings(
             that never train.
 
     Raises:
-        ConfigError: Too few recordings or speakers for three splits.
+        ConfigError: Too few recordings or speakers for three splits, or impossible shares.
     """
     rng = np.random.default_rng(seed)
     if held_out == "speakers":
@@ -122,6 +122,12 @@ def split_recordings(
 
 
 def _share_counts(count: int, val_share: float, test_share: float, what: str) -> list[str]:
+    if not (val_share >= 0 and test_share >= 0 and val_share + test_share < 1):
+        raise ConfigError(
+            f"data.val_share={val_share:g} and data.test_share={test_share:g} leave nothing to"
+            " train on",
+            "give shares of 0 to 1 whose sum is below 1",
+        )
     val, test = max(1, round(count * val_share)), max(1, round(count * test_share))
     if count - val - test < 1:
         raise ConfigError(

@@ -230,6 +230,8 @@ class Store:
             "speakers": list(self.speaker_ids),
             "mean_direction": self.manifest["statistics"].get("mean_direction", []),
             "bone_lengths": self.manifest["statistics"].get("bone_lengths", []),
+            "skeleton": self.manifest["skeletons"][0],
+            "fingerprint": self.fingerprint,
         }
 
     def speaker_id(self, recording: int) -> int:

@@ -90,7 +90,8 @@ class StoreWriter:
         trace: TracebackType | None,
     ) -> None:
         self._folder.close()
-        if not self.sources_done:
+        # Without a recording there is nothing to go on with, and what was wrong may be mended.
+        if not self.recording_count:
             self._folder.discard()
 
     def append(self, source: PackedSource) -> None:
@@ -224,6 +225,11 @@ class StoreWriter:
         write_json(self._folder.path / "vocabulary.json", list(self._word_ids))
         write_json(self._folder.path / "manifest.json", manifest)
         if not self._folder.become(self.path):
+            if not (self.path / "manifest.json").is_file():
+                raise CospeechError(
+                    f"{self.path} is in the way: it is no store, and not empty",
+                    "move it away and start again; what is done is kept",
+                )
             # Another process finished the same store first; its bytes are as good as ours.
             self._folder.discard()
         return Store(self.path)

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.windows import WindowDataset
 
 logger = logging.getLogger(__name__)
@@ -75,14 +76,20 @@ class WindowLoader:
 
     Args:
         dataset: The windows.
-        batch_size: Windows per batch; where there are fewer, all of them make one batch.
+        batch_size: Windows (of `StepWindows`: runs) per batch; where there are fewer, all of them
+            make one batch.
         seed: Seed of the order.
         shuffle: Whether each epoch is permuted (training).
         drop_last: Leave out a last batch that isn't full (as published, spec 2.1).
     """
 
     def __init__(
-        self, dataset: WindowDataset, batch_size: int, seed: int, shuffle: bool, drop_last: bool
+        self,
+        dataset: WindowDataset | StepWindows,
+        batch_size: int,
+        seed: int,
+        shuffle: bool,
+        drop_last: bool,
     ) -> None:
         if drop_last and len(dataset) < batch_size:
             logger.warning(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,13 +29,15 @@ class WindowSpec:
         fps: Frames per second.
         frames: Frames per window.
         seed_frames: Leading frames given to the method.
-        stride: Frames from one window's start to the next.
+        stride: Frames from one window's start to the next (of runs: from one run's to the next).
+        run: Consecutive windows that stay together in a batch.
     """
 
     fps: float
     frames: int
     seed_frames: int
     stride: int
+    run: int = 1
 
     @property
     def audio_samples(self) -> int:
@@ -47,7 +48,7 @@ class WindowSpec:
 class WindowDataset:
     """The fixed list of windows of one split; a window never leaves its span.
 
-    Where the corpus has a published list of windows and the asked-for ones fit its grid, they are
+    Where a recording has a published list of windows and the asked-for ones fit its grid, they are
     those of the list. A recording without a transcript has the padding word everywhere.
 
     Args:
@@ -76,9 +77,7 @@ class WindowDataset:
         spans = store.splits[split]
         if "audio" in needs:
             spans = self._with_audio(spans)
-        listed = _fits_grid(spec, store.window_grid)
-        windows = [_listed(store, span, spec) if listed else _every(span, spec) for span in spans]
-        self.windows: NDArray[np.int64] = np.concatenate([*windows, np.zeros((0, 3), np.int64)])
+        self.windows: NDArray[np.int64] = _windows(store, spans, spec)
         """``(n, 3)``: recording, first frame, first audio sample."""
         if not len(self.windows):
             raise CospeechError(
@@ -146,21 +145,17 @@ class WindowDataset:
 
     def _find_words(self) -> NDArray[np.int64]:
         """``(n, 2)``: first row of the word stream that may be in each window, and row after."""
-        found = np.zeros((len(self.windows), 2), dtype=np.int64)
+        words = np.asarray(self.store.stream("words"))
+        owners = np.repeat(np.arange(len(self.store.recordings)), self.store.row_counts["words"])
         recordings = self.windows[:, 0]
-        edges = np.flatnonzero(np.diff(recordings, prepend=-1, append=-1))
-        for begin, end in pairwise(edges):
-            recording = int(recordings[begin])
-            words = self.store.words(recording)
-            starts = self.windows[begin:end, 1] / self.spec.fps
-            # Words are in order of onset, not of end: no word before the first whose end, or an
-            # earlier one's, is past the window's start can be inside.
-            latest_end = np.maximum.accumulate(words[:, 1])
-            first = self.store.first_rows["words"][recording]
-            found[begin:end, 0] = first + np.searchsorted(latest_end, starts, side="right")
-            stops = starts + self.spec.frames / self.spec.fps
-            found[begin:end, 1] = first + np.searchsorted(words[:, 0], stops, side="left")
-        return found
+        starts = self.windows[:, 1] / self.spec.fps
+        stops = starts + self.spec.frames / self.spec.fps
+        # Words are in order of onset, not of end: no word before the first whose end, or an
+        # earlier one's, is past the window's start can be inside.
+        latest_ends = _running_maximum(owners, words[:, 1])
+        first = _rows_before(owners, latest_ends, recordings, starts, equal_too=True)
+        stop = _rows_before(owners, words[:, 0], recordings, stops, equal_too=False)
+        return np.stack([first, stop], axis=1)
 
     def _words(self, indices: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
         """As `frame_aligned_words` for each window, all at once."""
@@ -187,16 +182,53 @@ def _fits_grid(spec: WindowSpec, grid: dict[str, float] | None) -> bool:
     )
 
 
-def _every(span: Span, spec: WindowSpec) -> NDArray[np.int64]:
-    starts = np.arange(span.start, span.stop - spec.frames + 1, spec.stride)
-    samples = np.rint(starts / spec.fps * SAMPLE_RATE).astype(np.int64)
-    return np.stack([np.full_like(starts, span.recording), starts, samples], axis=1)
+def _windows(store: Store, spans: Sequence[Span], spec: WindowSpec) -> NDArray[np.int64]:
+    """Recording, first frame and first sample of the windows of spans, in the spans' order."""
+    table = np.array([(span.recording, span.start, span.stop) for span in spans], dtype=np.int64)
+    recordings, starts, stops = table.reshape(-1, 3).T
+    listed = np.zeros(len(recordings), dtype=np.int64)
+    if _fits_grid(spec, store.window_grid):
+        # A recording without a list, in a corpus where others have one, gives every window.
+        listed = store.row_counts["windows"][recordings]
+    fitting = np.maximum((stops - starts - spec.frames) // spec.stride + 1, 0)
+    counts = np.where(listed > 0, listed, fitting)
+    span = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    frames = starts[span] + number * spec.stride
+    samples = np.rint(frames / spec.fps * SAMPLE_RATE).astype(np.int64)
+    of_list = listed[span] > 0
+    rows = store.first_rows["windows"][recordings[span]] + number
+    frames[of_list], samples[of_list] = store.stream("windows")[rows[of_list]].T
+    inside = (frames >= starts[span]) & (frames + spec.frames <= stops[span])
+    return np.stack([recordings[span], frames, samples], axis=1)[inside]
 
 
-def _listed(store: Store, span: Span, spec: WindowSpec) -> NDArray[np.int64]:
-    rows = store.read(span.recording, "windows")
-    inside = (rows[:, 0] >= span.start) & (rows[:, 0] + spec.frames <= span.stop)
-    return np.insert(rows[inside], 0, span.recording, axis=1)
+def _running_maximum(owners: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest value so far among those of the same owner; owners ascend."""
+    order = np.argsort(values, kind="stable")
+    ranks = np.empty_like(order)
+    ranks[order] = np.arange(len(order))
+    largest = np.maximum.accumulate(ranks + owners * len(order)) - owners * len(order)
+    return values[order[largest]]
+
+
+def _rows_before(
+    owners: NDArray[np.int64],
+    values: NDArray[np.float64],
+    of: NDArray[np.int64],
+    limits: NDArray[np.float64],
+    equal_too: bool,
+) -> NDArray[np.int64]:
+    """Rows of earlier owners, and of owner ``of`` with a value below (or equal to) each limit.
+
+    As `np.searchsorted` among each owner's values, for all owners at once.
+    """
+    is_limit = np.repeat([not equal_too, equal_too], [len(values), len(limits)])
+    order = np.lexsort((is_limit, np.append(values, limits), np.append(owners, of)))
+    is_row = order < len(values)
+    found = np.empty(len(limits), dtype=np.int64)
+    found[order[~is_row] - len(values)] = np.cumsum(is_row)[~is_row]
+    return found
 
 
 NO_UPPER_BODY = {

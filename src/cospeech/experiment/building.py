@@ -9,7 +9,7 @@ import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from lightning import LightningModule
-from omegaconf import DictConfig
+from omegaconf import DictConfig, MissingMandatoryValue
 
 from cospeech.corpus.store import Store
 from cospeech.encoders import encoder_for
@@ -18,13 +18,20 @@ from cospeech.metrics.encoder import GestureEncoder
 
 
 def build(node: Any, **arguments: Any) -> Any:
-    """Hydra's `instantiate`, but a `CospeechError` of the constructor comes out as it is."""
+    """Hydra's `instantiate`, but a `CospeechError` of the constructor comes out as it is.
+
+    Raises:
+        ConfigError: A key without a default (``data.root``) was not given.
+    """
     try:
         return instantiate(node, _convert_="all", **arguments)
     except InstantiationException as error:
         if isinstance(error.__cause__, CospeechError):
             raise error.__cause__ from None
         raise
+    except MissingMandatoryValue as error:
+        key = str(error.full_key)
+        raise ConfigError(f"{key} is not set", f"add {key}=...") from None
 
 
 def chosen_encoder(store: Store, metrics: DictConfig) -> GestureEncoder:

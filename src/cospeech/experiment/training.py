@@ -113,7 +113,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     data.attach(model)
     for windows in (data.train_dataloader, data.val_dataloader, data.test_dataloader):
         windows()
-    without_words = sum(not recording.has_words for recording in store.recordings)
+    without_words = store.recordings.columns["has_words"].count(False)
     if "words" in data.needs and without_words:
         logger.warning(
             "%d of %d recordings have no transcript: their words are padding",

@@ -13,13 +13,13 @@ from functools import partial
 from pathlib import Path
 
 from cospeech.corpus.recording import Recording
-from cospeech.corpus.source import Dropped, Source
+from cospeech.corpus.source import Dropped, Source, existing_folder
 from cospeech.errors import ConfigError, CospeechError, InputFileError
 from cospeech.formats.lmdb_values import list_keys, read_value
 from cospeech.formats.ted.clip import UnusableClipError, ValueLayoutError
 from cospeech.formats.ted.filters import PUBLISHED_RULES, WindowRules
 from cospeech.formats.ted.recordings import Origin, clip_recordings, sample_recording
-from cospeech.formats.ted.values import checked_clip, checked_sample, video_clips
+from cospeech.formats.ted.values import checked_clip, checked_sample, video_clips, words_of
 
 DATABASES = {"train": "lmdb_train", "val": "lmdb_val", "test": "lmdb_test"}
 KINDS = ("auto", "video", "cache")
@@ -39,12 +39,12 @@ def find_ted_sources(
 
     Raises:
         ConfigError: ``kind`` is none of the three.
-        CospeechError: The folder has no such database.
+        CospeechError: There is no such folder, or it has no such database.
         InputFileError: A database is damaged.
     """
     if kind not in KINDS:
         raise ConfigError(f"data.kind={kind}: choose one of {', '.join(KINDS)}")
-    root = Path(root)
+    root = existing_folder(root)
     sources = []
     for split, name in DATABASES.items():
         video, cache = root / name, root / f"{name}_cache"
@@ -58,7 +58,9 @@ def find_ted_sources(
         hint = "set data.root to the folder of the downloaded lmdb_train, lmdb_val and lmdb_test"
         if (root / "data.mdb").is_file():
             hint = f"{root} is itself a database: set data.root to the folder above it"
-        raise CospeechError(f"no TED database below {root}: looked for {names}", hint)
+        elif below := sorted(path.parent.parent for path in root.glob("*/lmdb_*/data.mdb")):
+            hint = f"set data.root to its subfolder {below[0].name}"
+        raise CospeechError(f"no TED database in {root}: looked for {names}", hint)
     return sources
 
 
@@ -115,7 +117,8 @@ def read_video(
             try:
                 yield from clip_recordings(checked_clip(values), origin, rules)
             except UnusableClipError as error:
-                yield origin.dropped(str(error), error.kind, is_fault=True)
+                words = words_of(values)
+                yield origin.dropped(str(error), error.kind, is_fault=True, words=words)
     except ValueLayoutError as error:
         raise InputFileError(database, str(error), place) from error
 
@@ -153,7 +156,7 @@ def _sample(database: Path, key: bytes, split: str | None) -> Recording | Droppe
     origin = Origin(_safe(f"{video}_{_text(key)}"), video, split, place)
     if sample.aux.get("is_correct_motion") is False:
         message = f"marked {sample.aux.get('filtering_message')!r}"
-        return origin.dropped(message, "marked as incorrect motion")
+        return origin.dropped(message, "marked as incorrect motion", words=sample.words)
     return sample_recording(sample, origin)
 
 

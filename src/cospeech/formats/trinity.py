@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.formats.mocap import MissingAudio, Take, find_takes
+from cospeech.formats.mocap import MissingAudio, Take, find_takes, with_split_list
 from cospeech.formats.mocap.takes import checked_ids
 from cospeech.formats.trinity_offsets import find_offsets
 
@@ -52,10 +52,11 @@ _log = logging.getLogger(__name__)
 def find_trinity_takes(
     root: str | Path,
     *,
-    split_rule: str = "released",
+    split_rule: str | None = "released",
     layout: str = "auto",
     offsets: str | Path | None = None,
     missing_audio: MissingAudio = "skip",
+    split_list: str | Path | None = None,
 ) -> list[Take]:
     """The takes of Trinity I and II below a folder.
 
@@ -67,18 +68,21 @@ def find_trinity_takes(
             test, 6-30 to train; second parts (``_2``) are in no split, as in its code. It trains on
             recordings that the GENEA challenge tests on (021 and 027), which is logged and noted.
             ``"challenge"``: ``Training_data`` trains, of it 001 and 002 validate, ``Test_data``
-            tests.
+            tests. None: the takes are in no split, as for a split of one's own.
         layout: ``"synchronised"``, ``"raw"`` or ``"auto"``, by the names: raw takes have neither
             second parts nor transcripts.
         offsets: Offset table of raw takes; looked for beside them when None.
         missing_audio: As for `find_takes`.
+        split_list: Splits in the place of the rule's (`mocap.read_split_list`), by Trinity names.
+            Training with recordings that the challenge tests on is warned of all the same.
 
     Raises:
         ConfigError: An argument is none of its choices.
+        InputFileError: The split list or the offset table can't be read.
         CospeechError: There is no Trinity take, or raw takes without an offset table, or the
             challenge split is asked of takes that don't have it.
     """
-    if split_rule not in ("released", "challenge"):
+    if split_rule not in ("released", "challenge", None):
         raise ConfigError(f"split_rule={split_rule}: choose released or challenge")
     if layout not in ("auto", "synchronised", "raw"):
         raise ConfigError(f"layout={layout}: choose auto, synchronised or raw")
@@ -92,6 +96,8 @@ def find_trinity_takes(
         synchronised = released or any(_is_release_file(take) for take in takes)
         layout = "synchronised" if synchronised else "raw"
     takes = _raw_takes(root, takes, offsets) if layout == "raw" else _renamed(root, takes)
+    if split_rule is None:
+        return checked_ids(takes)
     if split_rule == "released":
         takes = [replace(take, split=released_split(take.id)) for take in takes]
     elif layout == "raw":
@@ -101,7 +107,10 @@ def find_trinity_takes(
         )
     else:
         takes = [replace(take, split=challenge_split(take.id)) for take in takes]
-    return checked_ids(_with_overlap_warning(takes))
+    if split_list is not None:
+        takes = with_split_list(takes, split_list)
+        return checked_ids(_with_overlap_warning(takes, f"the split list {Path(split_list).name}"))
+    return checked_ids(_with_overlap_warning(takes, "the released split"))
 
 
 def released_split(name: str) -> str | None:
@@ -214,14 +223,14 @@ def _raw_number(take: Take) -> int | None:
     return None if match is None else int(match[1] or match[2])
 
 
-def _with_overlap_warning(takes: list[Take]) -> list[Take]:
+def _with_overlap_warning(takes: list[Take], split: str) -> list[Take]:
     overlap = {f"NaturalTalking_{number}" for number in TEST.values()}
     trained = sorted(take.id for take in takes if take.split == "train" and take.id in overlap)
     if not trained:
         return takes
     warning = (
-        "the released split trains on a test recording of the GENEA Challenge 2020; don't compare"
-        " a model trained with it with challenge systems"
+        f"{split} trains on a test recording of the GENEA Challenge 2020; don't compare a model"
+        " trained with it with challenge systems"
     )
     _log.warning(
         "%s: %s. data.split_rule=challenge holds the test recordings out",

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.recording import Recording
-from cospeech.corpus.source import Source
+from cospeech.corpus.source import Source, existing_folder
 from cospeech.errors import ConfigError, CospeechError, InputFileError
 from cospeech.formats.uci_table import FILE_JOINTS, UciTable, read_uci_table
 from cospeech.motion.motion import Motion
@@ -58,10 +58,10 @@ def find_uci_sources(root: str | Path, protocol: str, held_out: str) -> list[Sou
         held_out: See `uci_splits`.
 
     Raises:
-        CospeechError: The folder holds no such file.
+        CospeechError: There is no such folder, or it holds no such file.
         ConfigError: The protocol is unknown, or there is nothing of that name to hold out.
     """
-    root = Path(root)
+    root = existing_folder(root)
     found = sorted(path for path in root.glob("*_raw.csv") if _NAME.fullmatch(path.name))
     if not found:
         below = sorted({path.parent.name for path in root.glob("*/*_raw.csv")})

@@ -45,7 +45,11 @@ def find_zeggs_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
     infos = files_named(root, r"info\.csv")
     splits = _splits(infos[0]) if infos else {}
     if not infos:
-        _log.warning("%s: no info.csv, so the published split is not known", root)
+        above = root.resolve().parent / "info.csv"
+        where = (
+            f"; it lies in the folder above: data.root={above.parent}" if above.is_file() else ""
+        )
+        _log.warning("%s: no info.csv, so the published split is not known%s", root, where)
     takes = []
     for take in find_takes(root, missing_audio=missing_audio):
         match = _NAME.fullmatch(take.path.stem)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.recording import Recording
-from cospeech.corpus.source import Dropped, Source
+from cospeech.corpus.source import Dropped, Source, existing_folder
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.berkeley import LICENCE, SPLITS
 from cospeech.formats.berkeley.hands3d import BERKELEY_3D, FILE_INDEX, FILE_JOINTS
@@ -74,7 +74,7 @@ def find_3d_sources(
     """
     if chunks not in CHUNK_SETS:
         raise CospeechError(f"chunks={chunks!r}", hint=f"choose {' or '.join(CHUNK_SETS)}")
-    found = list_3d_files(root)
+    found = list_3d_files(existing_folder(root))
     wanted = [
         (path, split, speaker)
         for path, split, speaker, disjoint in found

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.recording import Recording
-from cospeech.corpus.source import Dropped, Source
+from cospeech.corpus.source import Dropped, Source, existing_folder
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.berkeley import LICENCE, SPLITS
 from cospeech.formats.berkeley.audio import find_audio, read_audio
@@ -73,7 +73,7 @@ def find_2d_sources(root: str | Path, *, speakers: Sequence[str] | None = None) 
     Raises:
         CospeechError: There is nothing of the set, or not of a speaker asked for.
     """
-    root = Path(root)
+    root = existing_folder(root)
     frames, samples = first_existing(root, FRAME_TABLES), root / SAMPLE_TABLE
     layouts: dict[str, tuple[str, Path, Path]] = {}
     for folder in sorted(path for path in root.glob("*") if path.is_dir()):
@@ -86,12 +86,15 @@ def find_2d_sources(root: str | Path, *, speakers: Sequence[str] | None = None) 
     absent = [speaker for speaker in wanted if speaker not in layouts]
     if absent or not wanted:
         tables = ", ".join(FRAME_TABLES)
+        above = first_existing(root.resolve().parent, (*FRAME_TABLES, SAMPLE_TABLE))
         raise CospeechError(
             f"no keypoints of {', '.join(absent) or 'any speaker'} in {root}: it has"
             f" {'the table ' + frames.name if frames else f'none of the tables {tables}'},"
-            f" {'' if samples.is_file() else 'no '}{SAMPLE_TABLE}, and files of the speakers"
-            f" {', '.join(layouts) or 'none'}",
-            hint="data.root is the folder with the table of frames and, per speaker,"
+            f" {'' if samples.is_file() else 'no '}{SAMPLE_TABLE}, and"
+            f" {'files of ' + ', '.join(layouts) if layouts else 'no files of speakers'}",
+            hint=f"set data.root to the folder above, where {above.name} is"
+            if above is not None and not layouts
+            else "data.root is the folder with the table of frames and, per speaker,"
             f" <speaker>/keypoints_simple (or {SAMPLE_TABLE} and <speaker>/train/npz)",
         )
     sources = []

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
+from cospeech.corpus.source import existing_folder
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.formats.mocap.takes import Take
 
@@ -115,8 +116,7 @@ def files_named(root: str | Path, pattern: str) -> list[Path]:
 
 def _walk(root: Path) -> list[tuple[Path, tuple[str, ...]]]:
     """Files, none hidden, in a fixed order, each with its folders below the root."""
-    if not root.is_dir():
-        raise CospeechError(f"{root} is not a folder", hint="check the path (data.root)")
+    existing_folder(root)
     found: list[tuple[Path, tuple[str, ...]]] = []
     for folder, folders, names in os.walk(root):
         folders[:] = sorted(name for name in folders if not name.startswith("."))

@@ -98,7 +98,8 @@ def read_take(
 
     Motion and audio start where the take's excerpt says; the longer is cut to the shorter. A
     difference over one second and whatever looks wrong about the body (`doubts_about`) is noted in
-    ``annotations["warnings"]`` and logged. Without an audio file the speech is silence as long as
+    ``annotations["warnings"]`` and logged; what the take's finder warned of (`Take.warnings`) is
+    noted with it. Without an audio file the speech is silence as long as
     the motion, and ``annotations["silent"]`` is true.
 
     Args:
@@ -155,7 +156,7 @@ def read_take(
     interlocutor = None
     if take.interlocutor is not None:
         interlocutor = _interlocutor(take, take.interlocutor, shared_s, warnings)
-    for warning in warnings:
+    for warning in warnings[len(take.warnings) :]:
         _log.warning("take %s: %s", take.id, warning)
     if warnings:
         annotations["warnings"] = warnings

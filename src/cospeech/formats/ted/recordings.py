@@ -151,6 +151,12 @@ def _expressive(clip: TedClip, origin: Origin) -> Iterator[Recording | Dropped]:
     if not pieces:
         reason = f"no {shortest} frames on end with a detected pose, of {len(clip.poses)}"
         yield origin.dropped(reason, "shorter than a window", words=clip.words)
+        return
+    used = sum(len(poses) for _, poses in pieces)
+    if used < len(clip.poses):
+        # what is said in the parts cut out belongs to the vocabulary, in the clip's order
+        reason = f"{len(clip.poses) - used} of {len(clip.poses)} frames cut out"
+        yield origin.dropped(reason, "speaker not detected", words=clip.words)
     for number, (first, poses) in enumerate(pieces):
         start_s, seconds = clip.start_s + first / fps, len(poses) / fps
         sample = round(first / fps * SAMPLE_RATE)

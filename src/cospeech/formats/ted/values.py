@@ -99,6 +99,14 @@ def checked_words(values: Any) -> tuple[Word, ...]:
     return tuple(sorted(words, key=lambda word: word.start))
 
 
+def words_of(values: Any) -> tuple[Word, ...]:
+    """Words of a clip that can't be used, as far as they can be read; never raises."""
+    try:
+        return checked_words(values["words"]) if isinstance(values, dict) else ()
+    except (UnusableClipError, KeyError):
+        return ()
+
+
 def _seconds(value: Any, name: str) -> float:
     if not isinstance(value, int | float) or not abs(value) < 1e9:
         raise UnusableClipError("damaged", f"{name}: {value!r} is no time in seconds")

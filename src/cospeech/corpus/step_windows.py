@@ -1,0 +1,259 @@
+"""Windows of the gesturing joints at a method's own rate, in runs of consecutive windows.
+
+The embedded corpus at 60 fps gives three interleaved sequences of 20 fps, a corpus at 100 fps five:
+every frame is used and none interpolated (Ferstl et al. 2020, section 3). Nothing crosses from one
+interleave to another, or the edge of a split.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.splits import Span
+from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.windows import WindowSpec
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.motion.gesture_joints import GestureJoints, gesture_joints
+from cospeech.motion.motion import resample_positions
+from cospeech.motion.velocities import body_positions
+from cospeech.progress import progress_bar
+from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
+from cospeech.speech.feature_sets.opensmile import opensmile_features
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sequence:
+    """One interleave of one span."""
+
+    recording: int
+    times_s: NDArray[np.float64]
+    joints: NDArray[np.float32]
+    acoustics: NDArray[np.float32]
+    phases: NDArray[np.int8]
+
+
+class StepWindows:
+    """Runs of consecutive windows of one split; an item is a run.
+
+    Fields served: ``joints``, ``acoustics``, ``phases``, ``speakers``, and ``positions``, which are
+    the upper body over the same time at the evaluation rate.
+
+    Args:
+        store: The corpus.
+        split: ``"train"``, ``"val"`` or ``"test"``.
+        spec: Window geometry; ``spec.run`` consecutive windows make an item.
+        needs: `GestureBatch` fields to fill.
+        every_interleave: Use all interleaves (training), or only the first (judging).
+
+    Raises:
+        ConfigError: A field that the corpus can't fill.
+        CospeechError: Skeletons with different gesturing joints, or no stretch as long as a run.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        split: str,
+        spec: WindowSpec,
+        needs: frozenset[str],
+        every_interleave: bool,
+    ) -> None:
+        self.store, self.split, self.spec, self.needs = store, split, spec, needs
+        spans = store.splits[split]
+        if "acoustics" in needs:
+            spans = spans_with_sound(store, split, spans)
+        if "phases" in needs:
+            spans = _with_phases(store, split, spans)
+        every = progress_bar(spans, len(spans), f"{split} sequences at {spec.fps:g} fps")
+        sequences = [
+            sequence for span in every for sequence in self._sequences(span, every_interleave)
+        ]
+        length = spec.frames * spec.run
+        first, starts = 0, list[int]()
+        for sequence in sequences:
+            count = len(sequence.times_s)
+            starts += range(first, first + count - length + 1, spec.stride)
+            first += count
+        if not starts:
+            raise CospeechError(
+                f"{store.name}: no {split} recording is as long as {spec.run} windows in a row"
+                f" ({length / spec.fps:g} s)",
+                "use longer recordings, raise the split's share, or shorten runs (model.run=1)",
+            )
+        self.starts: NDArray[np.int64] = np.array(starts, dtype=np.int64)
+        self.joints = np.concatenate([sequence.joints for sequence in sequences])
+        self.acoustics = np.concatenate([sequence.acoustics for sequence in sequences])
+        self.phases = np.concatenate([sequence.phases for sequence in sequences])
+        self.times_s = np.concatenate([sequence.times_s for sequence in sequences])
+        self.recordings = np.concatenate(
+            [np.full(len(sequence.times_s), sequence.recording) for sequence in sequences]
+        )
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def describe(self, window: int) -> dict[str, Any]:
+        """Recording and start time of a window (window w is in run ``w // spec.run``)."""
+        run, place = divmod(window, self.spec.run)
+        row = self.starts[run] + place * self.spec.frames
+        return {
+            "window": int(window),
+            "recording": self.store.recordings[int(self.recordings[row])].id,
+            "start_s": float(self.times_s[row]),
+        }
+
+    def batch(self, indices: Sequence[int] | NDArray[np.int64]) -> GestureBatch:
+        """The runs at ``indices``, their windows one after another."""
+        spec = self.spec
+        indices = np.asarray(indices)
+        windows = self.starts[indices][:, None] + np.arange(spec.run) * spec.frames
+        rows = windows.reshape(-1, 1) + np.arange(spec.frames)
+        fields = {
+            "window_ids": torch.from_numpy(
+                (indices[:, None] * spec.run + np.arange(spec.run)).reshape(-1)
+            )
+        }
+        if "joints" in self.needs:
+            fields["joints"] = torch.from_numpy(self.joints[rows])
+        if "acoustics" in self.needs:
+            fields["acoustics"] = torch.from_numpy(self.acoustics[rows])
+        if "phases" in self.needs:
+            fields["phases"] = torch.from_numpy(self.phases[rows].astype(np.int64))
+        recordings = self.recordings[rows[:, 0]]
+        if "speakers" in self.needs:
+            ids = [self.store.speaker_id(int(recording)) for recording in recordings]
+            fields["speakers"] = torch.tensor(ids, dtype=torch.int64)
+        if "positions" in self.needs:
+            starts = self.times_s[rows[:, 0]]
+            frames = evaluation_frames(spec)
+            positions = np.stack(
+                [
+                    _upper_body_from(self.store, int(recording), start, frames)
+                    for recording, start in zip(recordings, starts, strict=True)
+                ]
+            )
+            fields["positions"] = torch.from_numpy(positions)
+        return GestureBatch(**fields)
+
+    def _sequences(self, span: Span, every_interleave: bool) -> Iterator[_Sequence]:
+        store, steps_fps = self.store, self.spec.fps
+        motion = store.motion(span.recording)
+        first = math.ceil(span.start / EVALUATION_FPS * motion.fps - 1e-6)
+        whole = span.stop >= store.recordings[span.recording].frames
+        stop = len(motion)
+        if not whole:
+            stop = min(stop, math.ceil(span.stop / EVALUATION_FPS * motion.fps - 1e-6))
+        joints = self._joints_of(span.recording)
+        positions = body_positions(motion.slice(first, stop), joints.body)
+        count = math.ceil(motion.fps / steps_fps - 1e-6)
+        rate = count * steps_fps
+        if not math.isclose(rate, motion.fps, rel_tol=1e-6):
+            positions = resample_positions(positions, motion.fps, rate)
+        times = first / motion.fps + np.arange(len(positions)) / rate
+        acoustics = np.zeros((len(positions), 0), dtype=np.float32)
+        if "acoustics" in self.needs:
+            acoustics = acoustics_at(store, span.recording, times)
+        phases = np.zeros(len(positions), dtype=np.int8)
+        if "phases" in self.needs:
+            labels = store.phases(span.recording)
+            assert labels is not None
+            phases = labels[np.rint(times * motion.fps).astype(np.int64).clip(max=len(labels) - 1)]
+        for interleave in range(count if every_interleave else 1):
+            chosen = slice(interleave, None, count)
+            yield _Sequence(
+                span.recording,
+                times[chosen],
+                positions[chosen],
+                acoustics[chosen],
+                phases[chosen],
+            )
+
+    def _joints_of(self, recording: int) -> GestureJoints:
+        index = self.store.recordings[recording].skeleton
+        joints, first = (gesture_joints(self.store.skeletons[i]) for i in (index, 0))
+        if joints.roles != first.roles:
+            different = sorted(set(joints.roles) ^ set(first.roles))
+            raise CospeechError(
+                f"{self.store.name}: its recordings have different gesturing joints"
+                f" ({', '.join(different)})",
+                "prepare those with and without fingers as two corpora",
+            )
+        return joints
+
+
+def evaluation_frames(spec: WindowSpec) -> int:
+    """Frames at the evaluation rate that a window covers."""
+    return math.floor((spec.frames - 1) / spec.fps * EVALUATION_FPS + 1e-6) + 1
+
+
+def acoustics_at(store: Store, recording: int, times_s: NDArray[np.float64]) -> NDArray[np.float32]:
+    """The 26 MFCC and the pitch of the 100 fps frame that begins nearest to each time, ``(T, 27)``.
+
+    Nothing is averaged: interleaved sequences have features of their own.
+    """
+    samples = store.read(recording, "audio")[:, 0]
+    features = opensmile_features(samples * np.float32(1 / 32767))
+    rows = np.rint(times_s * FEATURE_FPS).astype(np.int64)
+    return features[rows.clip(max=len(features) - 1)]
+
+
+def spans_with_sound(store: Store, split: str, spans: Sequence[Span]) -> list[Span]:
+    """The spans of recordings that have sound; a warning says how many have none.
+
+    Raises:
+        ConfigError: None has.
+    """
+    has_audio = store.recordings.columns["has_audio"]
+    heard = [span for span in spans if has_audio[span.recording]]
+    if spans and not heard:
+        raise ConfigError(
+            f"{store.name}: no {split} recording has sound, which the method needs",
+            "use a corpus with audio, or a method that reads none",
+        )
+    if len(heard) < len(spans):
+        logger.warning(
+            "%s: %d of %d %s recordings have no sound and are left out",
+            store.name,
+            len(spans) - len(heard),
+            len(spans),
+            split,
+        )
+    return heard
+
+
+def _with_phases(store: Store, split: str, spans: Sequence[Span]) -> list[Span]:
+    has_phases = store.recordings.columns["has_phases"]
+    annotated = [span for span in spans if has_phases[span.recording]]
+    if spans and not annotated:
+        raise ConfigError(
+            f"{store.name}: no {split} recording has gesture phases",
+            "use a corpus with annotated phases (data=synthetic, data=uci_phases), or give the"
+            " method a classifier trained on one",
+        )
+    return annotated
+
+
+def _upper_body_from(
+    store: Store, recording: int, start_s: float, frames: int
+) -> NDArray[np.float32]:
+    """The upper body from any time on; between two stored frames by linear interpolation."""
+    place = start_s * EVALUATION_FPS
+    first = math.floor(place + 1e-6)
+    weight = np.float32(max(0.0, place - first))
+    upper: NDArray[np.float32] = np.array(store.upper_body(recording, first, first + frames + 1))
+    upper = np.concatenate([upper, upper[-1:].repeat(max(0, frames + 1 - len(upper)), axis=0)])
+    if weight < 1e-6:
+        return upper[:frames]
+    between: NDArray[np.float32] = upper[:frames] + (upper[1:] - upper[:-1]) * weight
+    return between
