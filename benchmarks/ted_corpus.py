@@ -14,12 +14,14 @@ Run from the repository's root.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import multiprocessing
-import resource
+import os
 import shutil
 import sys
 import tempfile
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -33,6 +35,33 @@ NEEDS = {
     "without raw audio": frozenset({"positions", "words", "speakers"}),
     "with raw audio": frozenset({"positions", "words", "speakers", "audio"}),
 }
+
+
+class PeakMemory:
+    """Most memory of its own that this process or one of its children had (Linux).
+
+    Pages of mapped files don't count: the system takes them back when it wants to.
+    """
+
+    def __enter__(self) -> PeakMemory:
+        self.peak_mb = 0.0
+        self._over = threading.Event()
+        self._watch = threading.Thread(target=self._sample, daemon=True)
+        self._watch.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._over.set()
+        self._watch.join()
+
+    def _sample(self) -> None:
+        while not self._over.wait(0.05):
+            processes = [os.getpid(), *(p.pid for p in multiprocessing.active_children())]
+            for process in processes:
+                with contextlib.suppress(OSError, StopIteration):
+                    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+                    line = next(line for line in lines if line.startswith("RssAnon"))
+                    self.peak_mb = max(self.peak_mb, int(line.split()[1]) / 1024)
 
 
 def prepare(root: Path, store_dir: Path, workers: int) -> dict[str, float]:
@@ -55,12 +84,9 @@ def prepare(root: Path, store_dir: Path, workers: int) -> dict[str, float]:
         workers=workers,
     )
     start = time.perf_counter()
-    store = data.prepare_store()
+    with PeakMemory() as memory:
+        store = data.prepare_store()
     seconds = time.perf_counter() - start
-    peak = max(
-        resource.getrusage(who).ru_maxrss
-        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
     start = time.perf_counter()
     type(store)(store.path)
     opened = time.perf_counter() - start
@@ -69,7 +95,7 @@ def prepare(root: Path, store_dir: Path, workers: int) -> dict[str, float]:
         "workers": workers,
         "seconds": seconds,
         "hours": hours / 15 / 3600,
-        "peak_mb": peak / 1024,
+        "peak_mb": memory.peak_mb,
         "open_s": opened,
     }
 

@@ -7,7 +7,8 @@ import json
 import logging
 import os
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, Protocol
 from filelock import FileLock, Timeout
 from lightning import LightningDataModule
 
+from cospeech.corpus.packing import PackedSource
 from cospeech.corpus.reading import packed_sources, sensible_workers
 from cospeech.corpus.source import Source
 from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordings, time_blocks
@@ -79,6 +81,8 @@ class StoreDataModule(LightningDataModule):
             raise ConfigError(f"data.split={self.split}: choose one of {', '.join(SPLIT_RULES)}")
         if self.workers is not None and self.workers < 1:
             raise ConfigError(f"data.workers={self.workers}: at least 1, or null for one per core")
+        if self.max_recordings is not None and self.max_recordings < 1:
+            raise ConfigError(f"data.max_recordings={self.max_recordings}: at least 1, or null")
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._window: tuple[WindowSpec, frozenset[str]] | None = None
@@ -135,12 +139,12 @@ class StoreDataModule(LightningDataModule):
         files = sorted({path.absolute() for source in self.sources for path in source.files})
         # Names below the shared folder: the same corpus reached another way is the same.
         root = os.path.commonpath([path.parent for path in files]) if files else "."
-        stats = [(path.relative_to(root).as_posix(), path.stat()) for path in files]
         return {
             "schema": SCHEMA_VERSION,
             "corpus": self.corpus_name,
             "settings": self.settings(),
-            "files": [[name, stat.st_size, stat.st_mtime_ns] for name, stat in stats],
+            "files": [[path.relative_to(root).as_posix(), *_stamp(path)] for path in files],
+            "sources": len(self.sources),
             "joint_map": repr(self.evaluation_joints()),
             "split": [self.split, self.val_share, self.test_share, self.split_seed],
             "max_recordings": self.max_recordings,
@@ -195,19 +199,28 @@ class StoreDataModule(LightningDataModule):
                 workers = 1  # sources read ahead would be read for nothing
             packed = packed_sources(remaining, joint_map, self.upper_body, workers)
             total = None if limit is not None else len(self.sources)
-            for source in progress_bar(packed, total, f"preparing {self.corpus_name}", done):
-                if self.strict and source.faults:
-                    fault = source.faults[0]
-                    raise CospeechError(
-                        f"{fault.id}: {fault.reason}", "data.strict=false goes on with the rest"
-                    )
-                if limit is not None:
-                    room = limit - writer.recording_count
-                    source = replace(source, recordings=source.recordings[:room])
-                writer.append(source)
-                if writer.recording_count == limit:
-                    break
+            bar = progress_bar(packed, total, f"preparing {self.corpus_name}", done)
+            # Closed at once where an error stops it, or the processes would read on.
+            with closing(packed), closing(bar):
+                self._append(bar, writer)
             writer.finish(self._spans(writer))
+
+    def _append(self, packed: Iterable[PackedSource], writer: StoreWriter) -> None:
+        limit = self.max_recordings
+        if writer.recording_count == limit:
+            return  # a build that was killed at its very end
+        for source in packed:
+            if self.strict and source.faults:
+                fault = source.faults[0]
+                raise CospeechError(
+                    f"{fault.id}: {fault.reason}", "data.strict=false goes on with the rest"
+                )
+            if limit is not None:
+                room = limit - writer.recording_count
+                source = replace(source, recordings=source.recordings[:room])
+            writer.append(source)
+            if writer.recording_count == limit:
+                break
 
     def _spans(self, writer: StoreWriter) -> dict[str, list[Span]]:
         frames, rule = writer.evaluation_frames(), self.split
@@ -277,6 +290,15 @@ class StoreDataModule(LightningDataModule):
     def test_dataloader(self) -> WindowLoader:
         """Every test window in its fixed order."""
         return self._loader("test", shuffle=False)
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Size and time of a file; a link to nothing has neither, and reading it says so."""
+    try:
+        stat = path.stat()
+    except FileNotFoundError:
+        return -1, 0
+    return stat.st_size, stat.st_mtime_ns
 
 
 class WindowReader(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -82,8 +83,8 @@ class MocapData(MocapCorpus):
 
     @property
     def corpus_name(self) -> str:
-        """Named after the folder."""
-        return f"mocap-{Path(self.root).resolve().name}"
+        """Named after the folder, in characters that any path and shell takes as they are."""
+        return "mocap-" + re.sub(r"[^\w.-]", "_", Path(self.root).resolve().name)
 
     def find_takes(self) -> list[Take]:
         """Files of equal stems below the folder."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from typing import TypeVar
 
 from tqdm import tqdm
@@ -13,7 +13,7 @@ Item = TypeVar("Item")
 
 def progress_bar(
     items: Iterable[Item], total: int | None, title: str, done: int = 0
-) -> Iterator[Item]:
+) -> Generator[Item]:
     """The items, with a bar that shows rate and estimate.
 
     Args:

@@ -37,6 +37,14 @@ def test_two_recordings_cannot_be_split_in_three():
     assert "time_blocks" in caught.value.hint
 
 
+@pytest.mark.parametrize("shares", [(0.9, 0.5), (-0.1, 0.1), (10, 10)])
+def test_shares_that_leave_nothing_to_train_on_are_named(shares):
+    with pytest.raises(
+        ConfigError, match=rf"val_share={shares[0]} and data.test_share={shares[1]}"
+    ):
+        split_recordings(["a"] * 50, *shares, seed=0)
+
+
 def test_time_blocks_cover_a_take_without_overlap():
     spans = time_blocks([1000, 50], 0.2, 0.1, minimum=34)
     assert spans["train"] == [Span(0, 0, 700), Span(1, 0, 50)]

@@ -105,6 +105,11 @@ def test_zeggs(tmp_path):
     ]  # fmt: skip
 
 
+def test_a_folders_name_is_made_fit_for_paths_and_shells(tmp_path):
+    root = tmp_path / "na mé: x=1"
+    assert data_module("mocap", root, tmp_path / "s").corpus_name == "mocap-na_mé__x_1"
+
+
 def test_motion_without_audio(tmp_path):
     put_bvh(tmp_path / "m" / "a.bvh", swinging(TRINITY_BODY, "a", 20.0, 30))
     skipping = ("missing_audio=skip", "strict=true")

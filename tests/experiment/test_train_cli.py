@@ -91,6 +91,15 @@ def test_an_unknown_key_is_an_error_that_names_it(outputs):
     assert "hiden_size" in done.stderr
 
 
+@pytest.mark.parametrize("script", ["train.py", "prepare.py"])
+def test_a_corpus_without_its_folder_is_a_plain_sentence(script, tmp_path):
+    model = ["model=trimodal"] if script == "train.py" else []
+    done = command_line.run(tmp_path, *model, "data=ted", script=script)
+    assert done.returncode == 1
+    assert "error: data.root is not set" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_an_impossible_setting_is_a_plain_sentence(outputs):
     done = command_line.run(outputs, *SMALL, "model.context=video")
     assert done.returncode == 1

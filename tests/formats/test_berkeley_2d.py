@@ -117,7 +117,7 @@ def test_frame_ids_order_frames_of_one_time(tmp_path):
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(reversed(rows))
-    first, second = read_all(tmp_path)
+    first, second = (item for item in read_all(tmp_path) if isinstance(item, Recording))
     assert [len(first.motion), len(second.motion)] == [101, 78]
     points = np.delete(truth["oliver", "oliver:0"]["points"], [7, 8, 9], axis=2)
     assert (points[100] != points[101]).any()
@@ -397,8 +397,12 @@ def test_what_is_not_there_is_named(tmp_path):
     with pytest.raises(CospeechError, match=r"none of the tables frames_df_10_19_19\.csv"):
         find_2d_sources(tmp_path)
     write_2d(tmp_path, ("oliver",), frames=66, audio=None)
-    with pytest.raises(CospeechError, match=r"no keypoints of seth .* of the speakers oliver"):
+    with pytest.raises(CospeechError, match=r"no keypoints of seth .* files of oliver"):
         find_2d_sources(tmp_path, speakers=["oliver", "seth"])
+    with pytest.raises(CospeechError, match=r"folder above, where frames_df_10_19_19\.csv is"):
+        find_2d_sources(tmp_path / "oliver")
+    with pytest.raises(CospeechError, match="nowhere is not a folder"):
+        find_2d_sources(tmp_path / "nowhere")
     (tmp_path / "seth" / "keypoints_simple").mkdir(parents=True)
     (source,) = find_2d_sources(tmp_path, speakers=["seth"])
     with pytest.raises(InputFileError, match="no row of the speaker seth"):

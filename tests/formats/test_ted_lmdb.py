@@ -169,8 +169,11 @@ def test_which_databases_are_taken(fixture, tmp_path):
     with pytest.raises(ConfigError, match=r"data\.kind=videos: choose one of auto, video, cache"):
         find_ted_sources(tmp_path, kind="videos")
     with pytest.raises(CospeechError, match=r"looked for lmdb_train/data\.mdb") as caught:
-        find_ted_sources(tmp_path / "nowhere")
+        find_ted_sources(tmp_path.parent)
     assert "lmdb_train_cache/data.mdb" in str(caught.value)
+    assert f"set data.root to its subfolder {tmp_path.name}" in caught.value.hint
+    with pytest.raises(CospeechError, match="nowhere is not a folder"):
+        find_ted_sources(tmp_path / "nowhere")
     with pytest.raises(CospeechError, match=r"is itself a database: set data\.root to the folder"):
         find_ted_sources(tmp_path / "lmdb_train")
 
@@ -508,3 +511,27 @@ def test_a_damaged_sample_is_left_out_and_the_others_of_its_block_kept(tmp_path)
     assert isinstance(damaged, Dropped)
     assert (damaged.kind, damaged.is_fault) == ("damaged", True)
     assert "key 0000000002, byte " in damaged.reason
+
+
+def test_samples_whose_parts_do_not_fit_are_left_out(fixture, monkeypatch):
+    genuine = read_value(fixture / "lmdb_val_cache", b"0000000003")
+    words, poses, directions, audio, spectrogram, aux = genuine
+    changes = [
+        ([words, poses[:40], directions, audio, spectrogram, aux], "damaged"),
+        ([words, poses, directions[0, 0, 0], audio, spectrogram, aux], "damaged"),
+        ([words, poses, np.float64(0).reshape(()), audio, spectrogram, aux], "damaged"),
+        ([words, poses * np.nan, directions, audio, spectrogram, aux], "pose not a number"),
+        ([words, poses, directions, audio[:0], spectrogram, aux], "no audio"),
+        ([words, poses, directions, audio, spectrogram, aux | {"vid": 3}], "damaged"),
+        ([words, poses, directions, audio, spectrogram, aux | {"start_time": None}], "damaged"),
+    ]
+    left_out = aux | {"is_correct_motion": False, "filtering_message": "motion"}
+    values = [value for value, _ in changes]
+    values += [[words, poses, directions, audio, spectrogram, left_out], genuine]
+    monkeypatch.setattr(ted_lmdb, "read_value", lambda _, key: values[int(key)])
+    keys = tuple(b"%d" % i for i in range(len(values)))
+    *faults, marked, recording = read_samples(fixture / "lmdb_val_cache", keys, "val")
+    assert [(item.kind, item.is_fault) for item in faults] == [(kind, True) for _, kind in changes]
+    assert (marked.kind, marked.is_fault) == ("marked as incorrect motion", False)
+    assert marked.words == tuple(text for text, _, _ in words)
+    assert recording.split == "val"

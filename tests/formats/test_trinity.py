@@ -95,6 +95,15 @@ def test_the_release_is_read_under_its_trinity_names(tmp_path, caplog):
     overlapping = read_take(takes["NaturalTalking_027"])
     assert overlapping.annotations["genea_2020"] == "TestSeq010"
     assert "test recording of the GENEA Challenge 2020" in overlapping.annotations["warnings"][0]
+    assert caplog.text.count("test recording of the GENEA Challenge 2020") == 1, "once for all"
+
+
+def test_a_split_of_ones_own_has_no_published_split_and_no_warning(tmp_path, caplog):
+    write_trinity_release(tmp_path)
+    takes = find_trinity_takes(tmp_path, split_rule=None)
+    assert len(takes) == 6
+    assert {take.split for take in takes} == {None}
+    assert not caplog.records
 
 
 def test_the_challenge_rule_has_no_overlap_and_no_warning(tmp_path, caplog):

@@ -136,6 +136,9 @@ def test_finding_the_files(tmp_path):
     assert [source.id for source in sources] == ["a1", "b3", "c1"]
     (take,) = sources[2].read()
     assert (take.id, take.split) == ("c1", "test")
+    with pytest.raises(CospeechError, match="nothing is not a folder"):
+        find_uci_sources(tmp_path / "nothing", "leave_user_out", "c")
+    (tmp_path / "nothing").mkdir()
     with pytest.raises(CospeechError, match="UCI Machine Learning Repository"):
         find_uci_sources(tmp_path / "nothing", "leave_user_out", "c")
     with pytest.raises(CospeechError, match="subfolder gesture_phase_dataset"):

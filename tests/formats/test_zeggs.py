@@ -54,6 +54,12 @@ def test_without_the_list_the_split_is_unknown(tmp_path, caplog):
     assert "no info.csv" in caplog.text
 
 
+def test_the_list_in_the_folder_above_is_pointed_at(tmp_path, caplog):
+    write_zeggs(tmp_path, NAMES)
+    find_zeggs_takes(tmp_path / "clean")
+    assert f"it lies in the folder above: data.root={tmp_path}" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

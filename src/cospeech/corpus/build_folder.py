@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
-
 BOOKS = ("journal.jsonl", "build.json")
 """What only a build needs."""
 
@@ -96,7 +95,7 @@ class BuildFolder:
             path.rmdir()
         self.path.rename(path)
         for name in BOOKS:
-            (path / name).unlink()
+            (path / name).unlink(missing_ok=True)
         return True
 
 

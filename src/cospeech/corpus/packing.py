@@ -18,7 +18,7 @@ from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import JointMap
 from cospeech.motion.motion import resample_positions
 from cospeech.motion.upper_body import to_upper_body
-from cospeech.speech.speech import Speech
+from cospeech.speech.speech import Speech, Word
 from cospeech.speech.vocabulary import normalise_word
 
 EVALUATION_FPS = 15.0
@@ -130,6 +130,8 @@ def pack(
         )
     if windows is not None and windows.fps != EVALUATION_FPS and upper_body:
         raise ValueError(f"a window list at {windows.fps} fps")
+    if windows is not None and not len(windows.starts):
+        raise ValueError("an empty window list: without rows a recording gives every window")
     words, texts = _words(recording.speech)
     other_words, other_texts = _words(recording.interlocutor)
     arrays: dict[str, NDArray[Any]] = {
@@ -205,7 +207,9 @@ def journal_entry(source: PackedSource, skeletons: Sequence[int]) -> dict[str, A
 
 def _words(speech: Speech | None) -> tuple[NDArray[np.float64], list[str]]:
     # A token without a letter or digit is no word (spec 3.4: empty words are skipped).
-    words: Sequence = () if speech is None else speech.words or ()
+    words: Sequence[Word] = () if speech is None else speech.words or ()
+    # Windows are found by bisection: a transcript out of order would lose words without a trace.
+    words = sorted(words, key=lambda word: word.start)
     spelt = [(word, text) for word in words if (text := normalise_word(word.text))]
     rows = np.array([(word.start, word.end, -1.0) for word, _ in spelt], dtype=np.float64)
     return rows.reshape(-1, 3), [text for _, text in spelt]

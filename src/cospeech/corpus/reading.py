@@ -8,10 +8,11 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
+from pathlib import Path
 
 from cospeech.corpus.packing import PackedSource, pack_source
 from cospeech.corpus.source import Source
@@ -34,9 +35,19 @@ def usable_cores() -> int:
 
 def sensible_workers(sources: Iterable[Source]) -> int:
     """Processes worth starting for these sources: one per core, or only this one."""
-    files = {path for source in sources for path in source.files}
-    size = sum(path.stat().st_size for path in files if path.exists())
-    return usable_cores() if size >= WORTH_A_PROCESS_BYTES else 1
+    size = 0
+    for path in {path for source in sources for path in source.files}:
+        size += sum(_sizes(path))
+        if size >= WORTH_A_PROCESS_BYTES:
+            return usable_cores()
+    return 1
+
+
+def _sizes(path: Path) -> Iterator[int]:
+    """Bytes of a file, or of the files directly in a folder that a source reads from."""
+    for file in path.iterdir() if path.is_dir() else (path,):
+        if file.is_file():
+            yield file.stat().st_size
 
 
 def packed_sources(
@@ -44,7 +55,7 @@ def packed_sources(
     joint_map: JointMap | None,
     upper_body: bool,
     workers: int,
-) -> Iterator[PackedSource]:
+) -> Generator[PackedSource]:
     """Sources as they come out of `pack_source`, in their order whatever the number of workers.
 
     Args:

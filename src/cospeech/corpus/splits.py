@@ -59,8 +59,9 @@ def published_spans(
     for split in ("train", "val"):
         if not spans[split]:
             raise ConfigError(
-                f"the published split has no {split} recording here",
-                "get that part of the corpus too, or split what is there: data.split=recordings",
+                f"the published split has no {split} recording among those that could be read",
+                "get that part of the corpus, mend what was skipped, or split what is there:"
+                " data.split=recordings, or time_blocks for a handful of takes",
             )
     if not spans["test"]:
         logger.warning("no test recording here: what is called test below is the validation split")

@@ -22,6 +22,7 @@ killed build leaves nothing that looks like a store.
 from __future__ import annotations
 
 import json
+import mmap
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -140,6 +141,10 @@ class Store:
 
     def copy_audio(self, recording: int, start: int, into: NDArray[np.float32]) -> None:
         """Fill ``into`` with samples from ``start`` on; past the end they are mirrored."""
+        if start < 0:  # silence before the recording begins
+            silent = min(-start, len(into))
+            into[:silent] = 0
+            into, start = into[silent:], 0
         samples = self.read(recording, "audio", start, start + len(into))[:, 0]
         there = len(samples)
         np.multiply(samples, np.float32(1 / 32767), out=into[:there])
@@ -148,6 +153,26 @@ class Store:
             into[there:] = np.pad(into[:there], (0, missing), mode="symmetric")[there:]
         else:
             into[there:] = 0
+
+    def will_read(self, stream: str, first_rows: NDArray[np.int64], rows: int) -> None:
+        """Ask the system to fetch stretches of a stream from disk, all at once.
+
+        Reading them one by one would wait for the disk once per stretch.
+
+        Args:
+            stream: A stream name.
+            first_rows: First row of each stretch, counted over the whole stream.
+            rows: Rows of each.
+        """
+        values = self._streams[stream]
+        pages: mmap.mmap | None = getattr(values, "_mmap", None)
+        if pages is None or not hasattr(pages, "madvise"):  # an empty stream, or no such call here
+            return
+        row_bytes = values.itemsize * values.shape[1]
+        for first in np.sort(first_rows).clip(min=0).tolist():
+            start = first * row_bytes // mmap.PAGESIZE * mmap.PAGESIZE
+            stop = min((first + rows) * row_bytes, len(pages))
+            pages.madvise(mmap.MADV_WILLNEED, start, stop - start)
 
     def words(self, recording: int) -> NDArray[np.float64]:
         """``(W, 3)`` float64: start s, end s, word id, in order of onset."""

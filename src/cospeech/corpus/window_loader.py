@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.windows import WindowDataset
+from cospeech.errors import ConfigError
 
 logger = logging.getLogger(__name__)
 
@@ -81,6 +82,9 @@ class WindowLoader:
         seed: Seed of the order.
         shuffle: Whether each epoch is permuted (training).
         drop_last: Leave out a last batch that isn't full (as published, spec 2.1).
+
+    Raises:
+        ConfigError: There are fewer windows than processes.
     """
 
     def __init__(
@@ -91,6 +95,12 @@ class WindowLoader:
         shuffle: bool,
         drop_last: bool,
     ) -> None:
+        processes = _world()[1]
+        if len(dataset) < processes:
+            raise ConfigError(
+                f"{len(dataset)} {dataset.split} windows can't be shared by {processes} processes",
+                "use fewer devices, or more data",
+            )
         if drop_last and len(dataset) < batch_size:
             logger.warning(
                 "%d %s windows don't fill one batch of %d: all of them make the only batch",

@@ -134,6 +134,8 @@ class WindowDataset:
             fields["positions"] = torch.from_numpy(positions)
         if "audio" in self.needs:
             audio = np.empty((len(indices), self.spec.audio_samples), dtype=np.float32)
+            first_rows = self.store.first_rows["audio"][recordings] + samples
+            self.store.will_read("audio", first_rows, self.spec.audio_samples)
             for row, recording, first in zip(audio, recordings, samples, strict=True):
                 self.store.copy_audio(int(recording), int(first), row)
             fields["audio"] = torch.from_numpy(audio)

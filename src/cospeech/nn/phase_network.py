@@ -1,49 +1,20 @@
-"""The phase classifier's network, and the same frozen, as other methods use it.
-
-Ferstl et al. 2020, section 4; spec B.4. Velocities of the arms' joints, and pitch, in; a gesture
-phase per step out.
-"""
+"""The network that tells gesture phases apart (Ferstl et al. 2020, section 4; spec B.4)."""
 
 from __future__ import annotations
 
-import copy
-import json
-import math
-import os
-import pickle
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, Literal, cast
+from collections.abc import Iterable
+from dataclasses import dataclass
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from cospeech.errors import CospeechError, InputFileError
-from cospeech.motion.gesture_joints import GestureJoints
-from cospeech.motion.motion import Motion
-from cospeech.motion.phases import PHASE_MERGES, PhaseMerge
 from cospeech.motion.velocities import velocities
-from cospeech.nn.phase_labelling import body_joints, labelled_sequences, placed_in_time
-from cospeech.speech.speech import Speech
 
 STEP_FPS = 20.0
 """Steps per second."""
 
-WINDOW_FRAMES = 100
-"""Positions per window, 5 s; one velocity fewer."""
-
-JointSet = Literal["arms", "wrists"]
-"""``"arms"``: shoulders, elbows, wrists and finger tips, as seen from the pelvis.
-``"wrists"``: both wrists as seen from the spine, for data without more."""
-
-FORMAT = "cospeech.phase_classifier"
-LARGEST_FILE_BYTES = 64 * 2**20
 _SMALLEST_DEVIATION = 1e-6
-_WRONG_FILE = "train one: python train.py model=phase_classifier"
 
 
 @dataclass(frozen=True)

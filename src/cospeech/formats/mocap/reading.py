@@ -28,6 +28,8 @@ from cospeech.speech.transcript import read_transcript_with_timing, spread_text
 
 TOLERATED_S = 1.0
 TOLERATED_SHARE = 0.2
+PLAUSIBLE_FPS = (5.0, 250.0)
+"""Rates that motion capture is kept at; others mean that a file is cut off."""
 
 _log = logging.getLogger(__name__)
 
@@ -99,8 +101,8 @@ def read_take(
     Motion and audio start where the take's excerpt says; the longer is cut to the shorter. A
     difference over one second and whatever looks wrong about the body (`doubts_about`) is noted in
     ``annotations["warnings"]`` and logged; what the take's finder warned of (`Take.warnings`) is
-    noted with it. Without an audio file the speech is silence as long as
-    the motion, and ``annotations["silent"]`` is true.
+    noted with it. Without an audio file the speech is silence as long as the motion, and
+    ``annotations["silent"]`` is true.
 
     Args:
         take: From `find_takes` or a corpus's own finder.
@@ -279,12 +281,14 @@ def _length_warnings(path: Path, motion: Motion, audio_s: float) -> list[str]:
     difference = abs(motion.duration - audio_s)
     lengths = f"the motion lasts {motion.duration:.2f} s, the audio {audio_s:.2f} s"
     if difference > TOLERATED_SHARE * max(motion.duration, audio_s):
-        raise InputFileError(
-            path,
-            f"{lengths}: they can't be the same take",
-            hint=f"if they are, the {len(motion)} frames are at about"
-            f" {len(motion) / audio_s:.4g} fps and not {motion.fps:g}: set data.frame_rate",
-        )
+        hint = "check that both are of one take, and complete"
+        rate = len(motion) / audio_s if audio_s else 0.0
+        if PLAUSIBLE_FPS[0] <= rate <= PLAUSIBLE_FPS[1]:
+            hint = (
+                f"if they are, the {len(motion)} frames are at about {rate:.4g} fps and not"
+                f" {motion.fps:g}: set data.frame_rate"
+            )
+        raise InputFileError(path, f"{lengths}: they can't be the same take", hint=hint)
     return [f"{lengths}; the longer was cut"] if difference > TOLERATED_S else []
 
 

@@ -73,10 +73,15 @@ def checked_sample(value: Any) -> TedSample:
     if not np.isfinite(poses).all():
         raise UnusableClipError("pose not a number", "a pose holds a NaN or infinite coordinate")
     start_s = _seconds(aux.get("start_time"), "start_time")
+    directions = _array(directions, "direction vectors", None)
+    if directions.shape[:1] != poses.shape[:1]:
+        raise UnusableClipError(
+            "damaged", f"poses of shape {poses.shape}, direction vectors {directions.shape}"
+        )
     return TedSample(
         words=checked_words(words),
         poses=poses.astype(np.float64),
-        directions=_array(directions, "direction vectors", None).astype(np.float64),
+        directions=directions.astype(np.float64),
         audio=_audio(audio),
         spectrogram=_array(spectrogram, "spectrogram", 2),
         aux={**aux, "start_time": start_s},

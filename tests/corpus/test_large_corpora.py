@@ -1,0 +1,71 @@
+"""What a corpus of very many short recordings needs: everything at once, with the same numbers."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from cospeech.corpus.recording import WindowList
+from cospeech.corpus.splits import Span
+from cospeech.corpus.statistics import FRAMES_AT_ONCE, upper_body_statistics
+from cospeech.corpus.store_writer import StoreWriter
+from cospeech.corpus.windows import WindowDataset, WindowSpec
+from cospeech.motion.codecs import direction_vectors
+from cospeech.motion.upper_body import UPPER_BODY
+from tests.corpora import make_recording
+
+SPEC = WindowSpec(fps=15, frames=34, seed_frames=4, stride=10)
+
+
+def test_statistics_of_many_spans_are_those_of_all_their_frames():
+    rng = np.random.default_rng(0)
+    lengths = rng.integers(1, 400, 60)
+    first = np.cumsum(lengths) - lengths
+    upper_body = rng.normal(size=(lengths.sum(), 10, 3)).astype(np.float32)
+    upper_body[:50, 1] = upper_body[:50, 0]  # a bone without length
+    spans = [Span(int(i), 0, int(lengths[i])) for i in range(0, 60, 2)]
+    spans.append(Span(1, 3, int(lengths[1])))
+    frames = np.concatenate([upper_body[first[s.recording] :][s.start : s.stop] for s in spans])
+    assert len(frames) > 2 * FRAMES_AT_ONCE
+    found = upper_body_statistics(upper_body, first, spans)
+    mean = direction_vectors(torch.from_numpy(frames.astype(float))).mean(0).reshape(27)
+    np.testing.assert_allclose(found["mean_direction"], mean, atol=1e-12)
+    parents = list(UPPER_BODY.parents[1:])
+    bones = np.linalg.norm((frames[:, 1:] - frames[:, parents]).astype(float), axis=-1)
+    np.testing.assert_allclose(found["bone_lengths"], bones.mean(0), atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory):
+    """Recordings of 40 to 160 frames, every other one with a list of windows."""
+    rng = np.random.default_rng(1)
+    with StoreWriter(tmp_path_factory.mktemp("store") / "s", "s", {}, "0") as writer:
+        for i in range(20):
+            recording = make_recording(f"t{i}", seconds=(40 + 6 * i) / 15, seed=i)
+            starts = np.flatnonzero(rng.random(40 + 6 * i - 33) < 0.2)
+            starts = starts if len(starts) else np.array([0])
+            listed = WindowList(15.0, 42, 10, starts, 1000 * starts)
+            writer.add(dataclasses.replace(recording, windows=listed if i % 2 else None))
+        frames = writer.evaluation_frames()
+        train = [Span(i, 3, frames[i] - 5) for i in (4, 3, 19, 0, 1, 12, 2)]
+        return writer.finish({"train": train, "val": [Span(5, 0, 60)], "test": [Span(6, 0, 60)]})
+
+
+def test_windows_are_those_of_the_plain_loop(mixed):
+    """Listed ones where there is a list, else every tenth frame; never outside the span."""
+    expected = []
+    for span in mixed.splits["train"]:
+        if span.recording % 2:
+            rows = mixed.read(span.recording, "windows").tolist()
+        else:
+            starts = range(span.start, span.stop, 10)
+            rows = [[start, round(start / 15 * 16_000)] for start in starts]
+        expected += [
+            [span.recording, *row]
+            for row in rows
+            if row[0] >= span.start and row[0] + 34 <= span.stop
+        ]
+    found = WindowDataset(mixed, "train", SPEC, frozenset({"positions"})).windows
+    assert found.tolist() == expected
+    assert {row[0] for row in expected} == {2, 3, 4, 12, 19}  # too little of 0 and 1 is left
