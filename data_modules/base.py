@@ -19,12 +19,13 @@ from lightning import LightningDataModule
 
 from cospeech.corpus.packing import PackedSource
 from cospeech.corpus.reading import packed_sources, sensible_workers
-from cospeech.corpus.source import Source
+from cospeech.corpus.source import Dropped, Source
+from cospeech.corpus.split_facts import split_anew
 from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordings, time_blocks
 from cospeech.corpus.step_windows import StepWindows
-from cospeech.corpus.store import EVALUATION_FPS, SCHEMA_VERSION, Store
+from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.joint_map import JointMap
@@ -79,10 +80,10 @@ class StoreDataModule(LightningDataModule):
         super().__init__()
         if self.split not in SPLIT_RULES:
             raise ConfigError(f"data.split={self.split}: choose one of {', '.join(SPLIT_RULES)}")
-        if self.workers is not None and self.workers < 1:
-            raise ConfigError(f"data.workers={self.workers}: at least 1, or null for one per core")
-        if self.max_recordings is not None and self.max_recordings < 1:
-            raise ConfigError(f"data.max_recordings={self.max_recordings}: at least 1, or null")
+        for name in ("workers", "max_recordings"):
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, int) and value >= 1):
+                raise ConfigError(f"data.{name}={value}: a number of at least 1, or null")
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._window: tuple[WindowSpec, frozenset[str]] | None = None
@@ -157,13 +158,14 @@ class StoreDataModule(LightningDataModule):
         """
         if self._store is None:
             parameters = self.store_parameters()
-            text = json.dumps(parameters, sort_keys=True)
-            fingerprint = hashlib.sha256(text.encode()).hexdigest()
+            fingerprint = _hash(parameters)
+            reading = _hash({k: v for k, v in parameters.items() if k != "split"})
             folder = Path(self.store_dir)
-            path = folder / f"{self.corpus_name}-{fingerprint[:10]}"
+            name = f"{self.corpus_name}-{reading[:10]}"
+            path = folder / f"{name}-{fingerprint[:6]}"
             if not (path / "manifest.json").is_file():
                 folder.mkdir(parents=True, exist_ok=True)
-                lock = FileLock(str(folder / f".{path.name}.lock"))
+                lock = FileLock(str(folder / f".{name}.lock"))
                 try:
                     lock.acquire(timeout=0)
                 except Timeout:
@@ -171,27 +173,43 @@ class StoreDataModule(LightningDataModule):
                     lock.acquire()
                 try:
                     if not (path / "manifest.json").is_file():
-                        self._build(path, parameters, fingerprint)
+                        self._build(path, parameters, fingerprint, reading)
                 finally:
                     lock.release()
-            self._store = self._checked(Store(path))
+            store = Store(path)
+            self._refuse_faults(Dropped(**item) for item in store.manifest["skipped"])
+            self._store = store
         return self._store
 
-    def _checked(self, store: Store) -> Store:
-        faults = [item for item in store.manifest["skipped"] if item["is_fault"]]
+    def _refuse_faults(self, dropped: Iterable[Dropped]) -> None:
+        faults = [item for item in dropped if item.is_fault]
         if self.strict and faults:
             raise CospeechError(
-                f"{len(faults)} recordings of {store.name} could not be used; the first is"
-                f" {faults[0]['id']}: {faults[0]['reason']}",
+                f"{faults[0].id} can't be used: {faults[0].reason}",
                 "data.strict=false goes on with the rest",
             )
-        return store
 
-    def _build(self, path: Path, parameters: dict[str, Any], fingerprint: str) -> None:
+    def _build(
+        self, path: Path, parameters: dict[str, Any], fingerprint: str, reading: str
+    ) -> None:
         joint_map, limit = self.evaluation_joints(), self.max_recordings
+        for other in path.parent.glob(f"{self.corpus_name}-{reading[:10]}-*/manifest.json"):
+            logger.info("%s has the same recordings: they are split anew", other.parent)
+            store = Store(other.parent)
+            spans = self._spans(store.recordings.columns)
+            split_anew(store, path, parameters, fingerprint, spans)
+            return
         with StoreWriter(
-            path, self.corpus_name, parameters, fingerprint, joint_map, self.upper_body
+            path,
+            self.corpus_name,
+            parameters,
+            fingerprint,
+            joint_map,
+            self.upper_body,
+            reading,
+            path.with_name(f".{self.corpus_name}-{reading[:10]}.building"),
         ) as writer:
+            self._refuse_faults(writer.skipped)
             done = len(writer.sources_done)
             remaining = self.sources[done:]
             workers = self.workers or sensible_workers(remaining)
@@ -203,18 +221,14 @@ class StoreDataModule(LightningDataModule):
             # Closed at once where an error stops it, or the processes would read on.
             with closing(packed), closing(bar):
                 self._append(bar, writer)
-            writer.finish(self._spans(writer))
+            writer.finish(self._spans(writer.columns()))
 
     def _append(self, packed: Iterable[PackedSource], writer: StoreWriter) -> None:
         limit = self.max_recordings
         if writer.recording_count == limit:
             return  # a build that was killed at its very end
         for source in packed:
-            if self.strict and source.faults:
-                fault = source.faults[0]
-                raise CospeechError(
-                    f"{fault.id}: {fault.reason}", "data.strict=false goes on with the rest"
-                )
+            self._refuse_faults(source.dropped)
             if limit is not None:
                 room = limit - writer.recording_count
                 source = replace(source, recordings=source.recordings[:room])
@@ -222,12 +236,12 @@ class StoreDataModule(LightningDataModule):
             if writer.recording_count == limit:
                 break
 
-    def _spans(self, writer: StoreWriter) -> dict[str, list[Span]]:
-        frames, rule = writer.evaluation_frames(), self.split
+    def _spans(self, columns: dict[str, list[Any]]) -> dict[str, list[Span]]:
+        frames, rule = columns["frames"], self.split
         if rule == "published":
-            published = writer.column("split")
+            published = columns["split"]
             if self.max_recordings is None or {"train", "val"} <= set(published):
-                return published_spans(writer.column("id"), published, frames)
+                return published_spans(columns["id"], published, frames)
             logger.warning("so few recordings don't reach the published splits: split here instead")
             rule = "recordings"
         if rule == "time_blocks":
@@ -236,7 +250,7 @@ class StoreDataModule(LightningDataModule):
             logger.warning("no recording is long enough for time blocks: split by recordings")
             rule = "recordings"
         names = split_recordings(
-            writer.column("speaker"), self.val_share, self.test_share, self.split_seed, rule
+            columns["speaker"], self.val_share, self.test_share, self.split_seed, rule
         )
         return {
             split: [Span(i, 0, frames[i]) for i, name in enumerate(names) if name == split]
@@ -256,22 +270,11 @@ class StoreDataModule(LightningDataModule):
         return frozenset() if self._window is None else self._window[1]
 
     def dataset(self, split: str) -> WindowDataset | StepWindows:
-        """The fixed windows of one split for the attached method, made once.
-
-        A method of another rate than the evaluation's gets windows of the gesturing joints at its
-        own: for training in runs, of every interleave; for judging one by one, side by side.
-        """
+        """The fixed windows of one split for the attached method, made once."""
         if self._window is None:
             raise RuntimeError("call attach(method) before asking for windows")
         if split not in self._datasets:
-            spec, needs = self._window
-            store, training = self.prepare_store(), split == "train"
-            if spec.fps == EVALUATION_FPS:
-                self._datasets[split] = WindowDataset(store, split, spec, needs)
-            else:
-                if not training:
-                    spec = replace(spec, run=1, stride=spec.frames)
-                self._datasets[split] = StepWindows(store, split, spec, needs, training)
+            self._datasets[split] = open_windows(self.prepare_store(), split, *self._window)
         return self._datasets[split]
 
     def _loader(self, split: str, shuffle: bool) -> WindowLoader:
@@ -299,6 +302,10 @@ def _stamp(path: Path) -> tuple[int, int]:
     except FileNotFoundError:
         return -1, 0
     return stat.st_size, stat.st_mtime_ns
+
+
+def _hash(values: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 class WindowReader(Protocol):

@@ -33,6 +33,7 @@ def make_recording(
     seconds: float = 10.0,
     words: tuple[Word, ...] | None = None,
     seed: int = 0,
+    phases: bool = False,
 ) -> Recording:
     """Wrists circling at a rate drawn from the seed; audio whose sample i is i / 16000 % 1."""
     rng = np.random.default_rng(seed)
@@ -52,7 +53,16 @@ def make_recording(
             )
         )
     motion = Motion(UPPER_BODY, 15.0, positions)
-    return Recording(name, speaker, Speech(audio, words), motion, source="made", licence="none")
+    labels = (np.arange(frames) // 8 % 9).astype(np.int8) if phases else None
+    return Recording(
+        name,
+        speaker,
+        Speech(audio, words),
+        motion,
+        phases=labels,
+        source="made",
+        licence="none",
+    )
 
 
 def make_store(folder, recordings: list[Recording] | None = None) -> Store:
@@ -64,7 +74,7 @@ def make_store(folder, recordings: list[Recording] | None = None) -> Store:
     with StoreWriter(folder / "made", "made", {"made": True}, "0" * 64) as writer:
         for recording in recordings:
             writer.add(recording)
-        frames = writer.evaluation_frames()
+        frames = writer.columns()["frames"]
         names = ["train"] * (len(frames) - 2) + ["val", "test"]
         spans = {
             split: [Span(i, 0, frames[i]) for i, name in enumerate(names) if name == split]

@@ -36,17 +36,19 @@ def real_windows(store: Store, spans: list[Span]) -> tuple[Tensor, list[str]]:
         spans: Which stretches.
 
     Returns:
-        ``(n, 34, 10, 3)`` windows and the recording id of each.
+        ``(n, 34, 10, 3)`` windows and, of each, the id of the recording that it is from; the
+        speaker's name where each recording is a sample of one window.
 
     Raises:
         CospeechError: No span is as long as a window.
     """
     windows = [protocol.to_evaluation_windows(store.upper_body_motion(span)) for span in spans]
-    ids = [
-        store.recordings[span.recording].id
-        for span, cut in zip(spans, windows, strict=True)
-        for _ in range(len(cut))
-    ]
+    # Recordings of a single window are samples cut from longer takes, neighbours overlapping: what
+    # is independent is the speaker (of the TED samples, the video).
+    columns = store.recordings.columns
+    are_samples = all(len(cut) < 2 for cut in windows)
+    names = columns["speaker" if are_samples and len(store.speaker_ids) > 1 else "id"]
+    ids = [names[span.recording] for span, cut in zip(spans, windows, strict=True) for _ in cut]
     if not ids:
         raise CospeechError(
             f"{store.name}: no stretch of the split is as long as an evaluation window (2.3 s)",

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from cospeech.corpus.recording import WindowList
+from cospeech.corpus.split_facts import FRAMES_AT_ONCE, upper_body_statistics
 from cospeech.corpus.splits import Span
-from cospeech.corpus.statistics import FRAMES_AT_ONCE, upper_body_statistics
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.windows import WindowDataset, WindowSpec
+from cospeech.evaluation import real_windows
 from cospeech.motion.codecs import direction_vectors
 from cospeech.motion.upper_body import UPPER_BODY
 from tests.corpora import make_recording
@@ -47,7 +48,7 @@ def mixed(tmp_path_factory):
             starts = starts if len(starts) else np.array([0])
             listed = WindowList(15.0, 42, 10, starts, 1000 * starts)
             writer.add(dataclasses.replace(recording, windows=listed if i % 2 else None))
-        frames = writer.evaluation_frames()
+        frames = writer.columns()["frames"]
         train = [Span(i, 3, frames[i] - 5) for i in (4, 3, 19, 0, 1, 12, 2)]
         return writer.finish({"train": train, "val": [Span(5, 0, 60)], "test": [Span(6, 0, 60)]})
 
@@ -69,3 +70,25 @@ def test_windows_are_those_of_the_plain_loop(mixed):
     found = WindowDataset(mixed, "train", SPEC, frozenset({"positions"})).windows
     assert found.tolist() == expected
     assert {row[0] for row in expected} == {2, 3, 4, 12, 19}  # too little of 0 and 1 is left
+
+
+def store_of(folder, seconds):
+    with StoreWriter(folder / "s", "s", {}, "0") as writer:
+        for i in range(6):
+            writer.add(make_recording(f"t{i}", f"speaker{i // 2}", seconds, seed=i))
+        frames = writer.columns()["frames"]
+        spans = [Span(i, 0, n) for i, n in enumerate(frames)]
+        return writer.finish({"train": spans, "val": spans[:1], "test": spans[1:]})
+
+
+def test_samples_of_one_window_are_grouped_by_speaker(tmp_path):
+    """Samples cut from one video overlap: they are not independent recordings."""
+    store = store_of(tmp_path, seconds=42 / 15)
+    _, groups = real_windows(store, store.splits["test"])
+    assert groups == ["speaker0", "speaker1", "speaker1", "speaker2", "speaker2"]
+
+
+def test_longer_recordings_stand_for_themselves(tmp_path):
+    store = store_of(tmp_path, seconds=44 / 15)
+    _, groups = real_windows(store, store.splits["test"])
+    assert groups == [f"t{i}" for i in (1, 1, 2, 2, 3, 3, 4, 4, 5, 5)]

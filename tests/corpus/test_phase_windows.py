@@ -54,7 +54,7 @@ def make_store(folder, recordings):
     with StoreWriter(folder / "made", "made", {}, "0" * 64, upper_body=False) as writer:
         for recording in recordings:
             writer.add(recording)
-        frames = writer.evaluation_frames()
+        frames = writer.columns()["frames"]
         spans: dict[str, list[Span]] = {split: [] for split in SPLITS}
         spans["train"] = [Span(i, 0, frames[i]) for i in range(len(frames))]
         return writer.finish(spans)

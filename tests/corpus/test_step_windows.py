@@ -25,7 +25,7 @@ def store(tmp_path_factory):
     with StoreWriter(tmp_path_factory.mktemp("s") / "s", "s", {}, "0") as writer:
         for recording in recordings:
             writer.add(recording)
-        frames = writer.evaluation_frames()
+        frames = writer.columns()["frames"]
         spans = {
             "train": [Span(0, 0, frames[0])],
             "val": [Span(1, 0, frames[1] // 2)],

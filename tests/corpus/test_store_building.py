@@ -38,7 +38,7 @@ def sources(count=4):
 
 
 def spans(writer):
-    frames = writer.evaluation_frames()
+    frames = writer.columns()["frames"]
     last = len(frames) - 1
     return {
         "train": [Span(i, 0, n) for i, n in enumerate(frames[:-2])],
@@ -151,6 +151,37 @@ def test_word_ids_follow_the_order_of_recordings(tmp_path, packed):
     texts = ["one", "two", "three", "um", "hello", "word0", "word2", "word4", "word6"]
     assert store.vocabulary[4:] == texts
     assert [word.text for word in store.speech(Span(3, 0, 45)).words] == ["hello", "word2"]
+
+
+def test_speakers_are_numbered_in_order_of_their_recordings(tmp_path):
+    with StoreWriter(tmp_path / "s", "made", {}, "f") as writer:
+        for name in ("zoe", "ada", "zoe", "ben", "cid"):
+            writer.add(make_recording(f"{name}{writer.recording_count}", speaker=name))
+        store = writer.finish(spans(writer))  # the last two validate and test
+    assert store.facts()["speakers"] == ["zoe", "ada"]
+    assert [store.speaker_id(i) for i in range(5)] == [1, 2, 1, 0, 0]
+
+
+def test_words_of_a_recording_that_cannot_be_used_are_in_the_vocabulary():
+    def read():
+        recording = make_recording("bad", words=(Word("lost", 0.1, 0.3),))
+        recording.motion.positions[3, 2, 1] = np.nan
+        yield recording
+
+    packed = pack_source(Source("bad", read, ()), None, True)
+    assert packed.texts == ["lost"]
+    assert packed.faults[0].reason.startswith("recording bad: NaN")
+
+
+def test_lists_of_different_windows_are_two_corpora(tmp_path):
+    def listed(name, frames):
+        windows = WindowList(15, frames, 10, np.array([0]), np.array([0]))
+        return type(make_recording(name))(**{**vars(make_recording(name)), "windows": windows})
+
+    with StoreWriter(tmp_path / "s", "made", {}, "f") as writer:
+        writer.add(listed("a", 42))
+        with pytest.raises(CospeechError, match=r"b lists windows of another grid.*34.*42"):
+            writer.add(listed("b", 34))
 
 
 def test_a_word_in_two_spellings_is_one_word(tmp_path):

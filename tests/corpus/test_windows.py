@@ -115,7 +115,7 @@ def store_of(folder, recordings, upper_body=True):
     with StoreWriter(folder / "s", "s", {}, "0", upper_body=upper_body) as writer:
         for recording in recordings:
             writer.add(recording)
-        frames = writer.evaluation_frames()
+        frames = writer.columns()["frames"]
         spans = {split: [Span(i, 0, frames[i])] for i, split in enumerate(SPLITS)}
         spans["train"] += [Span(i, 0, frames[i]) for i in range(3, len(frames))]
         return writer.finish(spans)
@@ -157,6 +157,15 @@ def test_words_of_a_batch_are_those_of_the_plain_loop(tmp_path):
         expected = frame_aligned_words(inside[:, 0], inside[:, 2].astype(int), begin, 34, 15)
         np.testing.assert_array_equal(row, expected)
     assert (batch > 0).sum() > 1000
+
+
+def test_a_word_that_ends_as_the_window_begins_is_not_in_it(tmp_path):
+    words = (Word("early", 0.2, 2.0), Word("over", 1.0, 2.0 + 1e-9))
+    store = make_store(tmp_path, [make_recording(f"t{i}", words=words) for i in range(3)])
+    dataset = WindowDataset(store, "train", WindowSpec(15, 34, 4, 30), frozenset({"words"}))
+    assert dataset.windows[1, 1] == 30  # two seconds
+    row = dataset.batch([1]).words[0]
+    assert [store.vocabulary[i] for i in row[row > 0]] == ["over"]
 
 
 def test_recordings_without_sound_are_left_out_where_sound_is_needed(tmp_path):

@@ -1,5 +1,8 @@
 """What every data module must do. The embedded corpus and a folder of BVH stand for their kinds."""
 
+import os
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -167,6 +170,22 @@ def test_other_settings_make_another_store(tmp_path, bvh_folder):
     assert first.path != second.path
 
 
+def test_another_split_of_the_same_recordings_reads_nothing_again(tmp_path, bvh_folder):
+    first = mocap(tmp_path, bvh_folder).prepare_store()
+    other = mocap(tmp_path, bvh_folder, val_share=0.3, test_share=0.3)
+    other.sources  # noqa: B018  found, but none is read:
+    other.__dict__["sources"] = [replace(source, read=None) for source in other.sources]
+    second = other.prepare_store()
+    for stream in ("positions.bin", "audio.bin"):
+        assert (first.path / stream).stat().st_ino == (second.path / stream).stat().st_ino
+    assert second.splits != first.splits
+    assert second.fingerprint != first.fingerprint
+    assert second.facts()["mean_direction"] != first.facts()["mean_direction"]
+    written = second.manifest
+    read = mocap(tmp_path / "elsewhere", bvh_folder, val_share=0.3, test_share=0.3).prepare_store()
+    assert written == read.manifest
+
+
 def test_a_bad_recording_is_skipped_with_its_reason(tmp_path, bvh_folder):
     for path in bvh_folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -210,3 +229,48 @@ def test_debug_runs_count_recordings_that_can_be_used(tmp_path, bvh_folder):
     (tmp_path / "a_.wav").write_bytes((tmp_path / "a_0.wav").read_bytes())
     store = mocap(tmp_path / "stores", tmp_path, max_recordings=2).prepare_store()
     assert [recording.id for recording in store.recordings] == ["a_0", "a_2"]
+
+
+def test_a_debug_run_killed_at_its_very_end_reads_nothing_more(tmp_path, bvh_folder, monkeypatch):
+    whole = mocap(tmp_path / "whole", bvh_folder, max_recordings=2).prepare_store()
+    module = mocap(tmp_path / "killed", bvh_folder, max_recordings=2)
+
+    def kill(writer):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "_spans", kill)
+        with pytest.raises(KeyboardInterrupt):
+            module.prepare_store()
+    store = module.prepare_store()
+    assert store.manifest["sources"] == whole.manifest["sources"] == 2
+    assert (store.path / "manifest.json").read_bytes() == (
+        whole.path / "manifest.json"
+    ).read_bytes()
+
+
+def test_a_link_to_nothing_is_one_bad_recording(tmp_path, bvh_folder):
+    for path in bvh_folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "b_7.bvh").symlink_to(tmp_path / "gone.bvh")
+    (tmp_path / "b_7.wav").write_bytes((tmp_path / "a_0.wav").read_bytes())
+    store = mocap(tmp_path / "stores", tmp_path).prepare_store()
+    assert len(store.recordings) == 3
+    assert [item["id"] for item in store.manifest["skipped"]] == ["b_7"]
+
+
+def test_a_moved_corpus_is_the_same_corpus(tmp_path, bvh_folder):
+    moved = tmp_path / "elsewhere" / bvh_folder.name
+    moved.mkdir(parents=True)
+    for path in bvh_folder.iterdir():
+        (moved / path.name).write_bytes(path.read_bytes())
+        stat = path.stat()
+        os.utime(moved / path.name, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+    (tmp_path / "link").mkdir()
+    (tmp_path / "link" / bvh_folder.name).symlink_to(moved)
+    parameters = mocap(tmp_path, bvh_folder).store_parameters()
+    assert mocap(tmp_path, moved).store_parameters() == parameters
+    link = tmp_path / "link" / bvh_folder.name
+    assert mocap(tmp_path, link).store_parameters() == parameters
+    os.utime(moved / "a_0.bvh")
+    assert mocap(tmp_path, moved).store_parameters() != parameters

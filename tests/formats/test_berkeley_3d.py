@@ -159,7 +159,7 @@ def test_which_files_are_read(tmp_path):
         find_3d_sources(tmp_path, speakers=["seth"])
     assert "train_seth_data.npz" in caught.value.problem
     assert "data.chunks" in caught.value.hint
-    with pytest.raises(CospeechError, match="there are: none"):
+    with pytest.raises(CospeechError, match="is not a folder"):
         find_3d_sources(tmp_path / "oliver" / "frames")
 
 

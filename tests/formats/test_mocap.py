@@ -203,6 +203,9 @@ def test_a_second_of_difference_is_a_warning_and_a_fifth_an_error(tmp_path):
         read_take(take_of(tmp_path, 4.0, 8.0))
     assert "at about 7.5 fps and not 15: set data.frame_rate" in str(caught.value)
     assert len(read_take(take_of(tmp_path, 4.0, 8.0), frame_rate=7.5).motion) == 60
+    with pytest.raises(InputFileError, match="can't be the same take") as caught:
+        read_take(take_of(tmp_path, 8.0, 0.05))
+    assert "check that both are of one take, and complete" in str(caught.value)
 
 
 def test_a_transcript_of_another_take_is_a_warning(tmp_path):

@@ -277,11 +277,11 @@ def test_words_of_what_gives_no_window_are_in_the_vocabulary_in_their_place(tmp_
     train = [
         saying(short, "one", "two"),
         saying(still, "three", "one"),
-        saying(good, *"four five six seven eight".split()),
+        saying(good, *["four", "five", "six", "seven", "eight"]),
         saying(good, "nine", "four") | nan,
         {f: saying(good, "ten")[f] for f in fields},
-        saying(good, *"eleven twelve five six".split()),
-        saying(expressive_clip([(60, 400)]), *"a b c d e".split()),
+        saying(good, *["eleven", "twelve", "five", "six"]),
+        saying(expressive_clip([(60, 400)]), *["a", "b", "c", "d", "e"]),
     ]
     for name, clips in (
         ("lmdb_test", [saying(good, "last", "one", "first")]),
@@ -292,8 +292,21 @@ def test_words_of_what_gives_no_window_are_in_the_vocabulary_in_their_place(tmp_
         write_values(tmp_path / "raw" / name, iter(values))
     packed = [pack_source(source, None, True) for source in find_ted_sources(tmp_path / "raw")]
     assert list(dict.fromkeys(text for source in packed for text in source.texts)) == [
-        *"one two three four five six seven eight nine ten eleven twelve".split(),
-        *"a b c d e later last first".split(),
+        *[
+            "one",
+            "two",
+            "three",
+            "four",
+            "five",
+            "six",
+            "seven",
+            "eight",
+            "nine",
+            "ten",
+            "eleven",
+            "twelve",
+        ],
+        *["a", "b", "c", "d", "e", "later", "last", "first"],
     ]
 
 

@@ -49,6 +49,25 @@ def test_estimate_and_jackknife_equal_leaving_out_by_hand():
     assert interval.recordings == 3
 
 
+def test_the_jackknife_in_parts_is_the_whole_one(monkeypatch):
+    generator = torch.Generator().manual_seed(0)
+    real, generated = recordings(23, generator), recordings(23, generator, scale=1.2)
+    whole = fgd_interval(real, generated, resamples=10)
+    monkeypatch.setattr("cospeech.metrics.uncertainty.LEFT_OUT_AT_ONCE", 5)
+    parts = fgd_interval(real, generated, resamples=10)
+    assert parts.extrapolated == pytest.approx(whole.extrapolated, rel=1e-9)
+
+
+def test_recordings_may_be_in_any_order():
+    features = torch.randn(12, 3, generator=torch.Generator().manual_seed(0))
+    ids = ["b", "a", "b", "c", "a", "b", "c", "c", "c", "a", "b", "a"]
+    moments = recording_moments(features, ids)
+    for row, name in enumerate("bac"):
+        alone = feature_moments(features[[i for i, each in enumerate(ids) if each == name]])
+        for found, expected in zip(moments, alone, strict=True):
+            torch.testing.assert_close(found[row], expected)
+
+
 def test_interval_is_the_reflected_one():
     """Against a resampling that copies recordings; equal draws, so equal up to rounding."""
     generator = torch.Generator().manual_seed(1)

@@ -40,7 +40,7 @@ def store_of(folder, recordings, dropped=(), name="made", upper_body=True):
     with StoreWriter(folder / "s", name, parameters, "0" * 64, upper_body=upper_body) as writer:
         source = Source("all", lambda: [*recordings, *dropped], ())
         writer.append(pack_source(source, None, upper_body))
-        frames = writer.evaluation_frames()
+        frames = writer.columns()["frames"]
         names = ["train"] * (len(frames) - 2) + ["val", "test"]
         return writer.finish(
             {

@@ -36,10 +36,14 @@ class Adversary(nn.Module):
         """Whether it plays in ``epoch``."""
         return epoch >= self.start_epoch
 
-    def own_loss(self, real: Tensor, fake: Tensor) -> Tensor:
-        """The discriminator's loss; ``fake`` is detached. Batches stay apart for batch norm."""
+    def outputs(self, real: Tensor, fake: Tensor) -> tuple[Tensor, Tensor]:
+        """The discriminator on both; ``fake`` is detached. Batches stay apart for batch norm."""
         real_output = self.discriminator(real)
-        return self.losses.discriminator(real_output, self.discriminator(fake.detach()))
+        return real_output, self.discriminator(fake.detach())
+
+    def own_loss(self, real: Tensor, fake: Tensor) -> Tensor:
+        """The discriminator's loss on its `outputs`."""
+        return self.losses.discriminator(*self.outputs(real, fake))
 
     def generator_loss(self, fake: Tensor) -> Tensor:
         """The generator's loss, unweighted; gradient passes through frozen weights to ``fake``."""

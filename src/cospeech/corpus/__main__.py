@@ -23,7 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = _parser().parse_args(arguments)
     # What readers warn of is among the findings.
-    logging.getLogger("cospeech").setLevel(logging.ERROR)
+    log = logging.getLogger("cospeech")
+    level = log.level
+    log.setLevel(logging.ERROR)
     try:
         joint_map = None if given.joint_map is None else load_joint_map(given.joint_map)
         checkup = check_path(
@@ -39,6 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CospeechError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    finally:
+        log.setLevel(level)
     print(text_report(checkup))
     return int(has_errors(checkup.findings))
 

@@ -103,7 +103,10 @@ def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) ->
             try:
                 recordings.append(pack(item, joint_map, upper_body))
             except CospeechError as error:
-                dropped.append(Dropped(item.id, str(error), "unusable motion", True))
+                words = tuple(word.text for word in item.speech.words or ())
+                reason = "unusable motion"
+                dropped.append(Dropped(item.id, str(error), reason, is_fault=True, words=words))
+                texts |= dict.fromkeys(filter(None, map(normalise_word, words)))
             else:
                 texts |= dict.fromkeys(recordings[-1].texts)
                 texts |= dict.fromkeys(recordings[-1].interlocutor_texts)

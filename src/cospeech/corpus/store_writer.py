@@ -18,6 +18,7 @@ from cospeech.corpus.build_folder import BuildFolder, json_line, write_json
 from cospeech.corpus.packing import (
     EVALUATION_FPS,
     STREAMS,
+    PackedRecording,
     PackedSource,
     journal_entry,
     pack,
@@ -25,8 +26,8 @@ from cospeech.corpus.packing import (
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.recording_table import RECORDING_FACTS
 from cospeech.corpus.source import Dropped
-from cospeech.corpus.splits import SPLITS, Span
-from cospeech.corpus.statistics import upper_body_statistics
+from cospeech.corpus.split_facts import split_facts
+from cospeech.corpus.splits import Span
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import JointMap
@@ -46,6 +47,9 @@ class StoreWriter:
         name: Corpus name.
         parameters: How the corpus was made, as JSON values; kept in the manifest.
         fingerprint: Hash of the sources and parameters.
+        reading: Hash of what the recordings depend on, the split apart: a build that was stopped
+            goes on for another split, too. The fingerprint when None.
+        building: Folder to build in; beside ``path`` when None.
         joint_map: Where the evaluation joints are in every skeleton; found by the joints' names
             when None.
         upper_body: Whether the corpus has the ten evaluation joints.
@@ -59,8 +63,12 @@ class StoreWriter:
         fingerprint: str,
         joint_map: JointMap | None = None,
         upper_body: bool = True,
+        reading: str | None = None,
+        building: Path | None = None,
     ) -> None:
         self.path = path
+        self._reading = reading or fingerprint
+        self._building = building or path.with_name(f".{path.name}.building")
         self.joint_map, self.has_upper_body = joint_map, upper_body
         self._meta = {"name": name, "parameters": parameters, "fingerprint": fingerprint}
         self._rows: dict[str, list[int]] = {stream: [] for stream in STREAMS}
@@ -73,14 +81,14 @@ class StoreWriter:
         self.sources_done: list[str] = []
 
     def __enter__(self) -> StoreWriter:
-        made_by = {"schema": SCHEMA_VERSION, "fingerprint": self._meta["fingerprint"]}
-        folder = self.path.with_name(f".{self.path.name}.building")
+        made_by = {"schema": SCHEMA_VERSION, "reading": self._reading}
         names = (*(f"{stream}.bin" for stream in STREAMS), ANNOTATIONS)
-        self._folder = BuildFolder(folder, made_by, names)
+        self._folder = BuildFolder(self._building, made_by, names)
         for entry in self._folder.take_up():
             self._keep(entry)
         if self.sources_done:
-            logger.info("going on with %s after %d sources", folder, len(self.sources_done))
+            done = len(self.sources_done)
+            logger.info("going on with %s after %d sources", self._building, done)
         return self
 
     def __exit__(
@@ -99,6 +107,7 @@ class StoreWriter:
         skeletons = list(self._skeletons)
         indices = []
         self._number(source.texts)
+        self._refuse_mixtures(source.recordings)
         for packed in source.recordings:
             indices.append(_index_of(packed.skeleton, skeletons))
             data = dict(packed.data)
@@ -117,6 +126,21 @@ class StoreWriter:
         for fault in source.faults:
             logger.warning("skipped %s: %s", fault.id, fault.reason)
         self._keep(entry)
+
+    def _refuse_mixtures(self, recordings: Sequence[PackedRecording]) -> None:
+        dimensions = set(self._columns["dimensions"])
+        dimensions |= {packed.facts["dimensions"] for packed in recordings}
+        if len(dimensions) > 1:
+            raise CospeechError("2-D and 3-D motion in one corpus", "prepare them as two corpora")
+        grid = self._window_grid
+        for packed in recordings:
+            grid = grid or packed.facts["window_grid"]
+            if packed.facts["window_grid"] not in (None, grid):
+                raise CospeechError(
+                    f"{packed.facts['id']} lists windows of another grid than those before it:"
+                    f" {packed.facts['window_grid']}, not {grid}",
+                    "prepare them as two corpora",
+                )
 
     def _with_ids(self, rows: bytes, texts: Sequence[str]) -> bytes:
         words = np.frombuffer(rows, dtype="<f8").reshape(-1, 3).copy()
@@ -152,22 +176,15 @@ class StoreWriter:
             for stream in STREAMS:
                 self._rows[stream].append(values["rows"][stream])
             self.dropped_windows.update(facts["dropped_windows"])
-            if facts["window_grid"] is not None:
-                if self._window_grid not in (None, facts["window_grid"]):
-                    raise ValueError("recordings of one corpus have different window grids")
-                self._window_grid = facts["window_grid"]
+            self._window_grid = facts["window_grid"] or self._window_grid
 
     @property
     def recording_count(self) -> int:
         """How many recordings have been added."""
         return len(self._columns["id"])
 
-    def column(self, name: str) -> Sequence[Any]:
-        """One attribute of `StoredRecording` for every recording added."""
-        return self._columns[name]
-
-    def evaluation_frames(self) -> list[int]:
-        """Evaluation-rate frames of each recording added.
+    def columns(self) -> dict[str, list[Any]]:
+        """Each attribute of `StoredRecording` for every recording added.
 
         Raises:
             CospeechError: None was added; the message says why each was skipped.
@@ -177,7 +194,7 @@ class StoreWriter:
                 f"  {dropped.id}: {dropped.reason}" for dropped in self.skipped[:10]
             )
             raise CospeechError(f"no usable recording for {self._meta['name']}\n{reasons}")
-        return self._columns["frames"]
+        return self._columns
 
     def finish(self, splits: dict[str, list[Span]]) -> Store:
         """Write the manifest, move the store to its place and open it.
@@ -187,15 +204,12 @@ class StoreWriter:
                 published, from all (spec 3.8).
         """
         self._folder.close()
-        train = {span.recording for span in splits["train"]}
-        if not train:
-            raise CospeechError("the training split is empty", "give the corpus more recordings")
         manifest = {
             "schema": SCHEMA_VERSION,
             **self._meta,
             "sample_rate": SAMPLE_RATE,
             "evaluation_fps": EVALUATION_FPS,
-            "dimensions": self._dimensions(),
+            "dimensions": self._width("positions"),
             "has_upper_body": self.has_upper_body,
             "window_grid": self._window_grid,
             "streams": {
@@ -207,12 +221,9 @@ class StoreWriter:
                 for stream, (dtype, _) in STREAMS.items()
             },
             "skeletons": self._skeletons,
-            "speakers": sorted({self._columns["speaker"][i] for i in train}),
-            "splits": {
-                name: [[span.recording, span.start, span.stop] for span in splits[name]]
-                for name in SPLITS
-            },
-            "statistics": self._statistics(splits["train"]),
+            **split_facts(
+                splits, self._columns["speaker"], self._folder.path, self._rows["upper_body"]
+            ),
             "sources": len(self.sources_done),
             "skipped": [
                 {"id": item.id, "reason": item.reason, "kind": item.kind, "is_fault": item.is_fault}
@@ -234,23 +245,10 @@ class StoreWriter:
             self._folder.discard()
         return Store(self.path)
 
-    def _statistics(self, spans: Sequence[Span]) -> dict[str, list[float]]:
-        if not self.has_upper_body:
-            return {}
-        rows = self._rows["upper_body"]
-        upper_body = np.memmap(
-            self._folder.path / "upper_body.bin", "<f4", mode="r", shape=(sum(rows), 10, 3)
-        )
-        return upper_body_statistics(upper_body, np.cumsum([0, *rows]), spans)
-
-    def _dimensions(self) -> int:
-        dimensions = set(self._columns["dimensions"])
-        if len(dimensions) > 1:
-            raise CospeechError("2-D and 3-D motion in one corpus", "prepare them as two corpora")
-        return int(dimensions.pop())
-
     def _width(self, stream: str) -> int:
-        return self._dimensions() if stream == "positions" else STREAMS[stream][1]
+        if stream == "positions":
+            return int(self._columns["dimensions"][0])
+        return STREAMS[stream][1]
 
 
 def _index_of(skeleton: dict[str, Any], known: list[dict[str, Any]]) -> int:

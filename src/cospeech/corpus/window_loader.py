@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.step_windows import StepWindows
-from cospeech.corpus.windows import WindowDataset
+from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError
 
 logger = logging.getLogger(__name__)
@@ -132,3 +134,25 @@ class WindowLoader:
         """Continue from `state_dict`'s place."""
         self.sampler.epoch = state["epoch"]
         self.sampler.first_batch = state["next_batch"]
+
+
+def open_windows(
+    store: Store, split: str, spec: WindowSpec, needs: frozenset[str]
+) -> WindowDataset | StepWindows:
+    """The windows of one split that a method works on.
+
+    A method of another rate than the evaluation's gets windows of the gesturing joints at its own:
+    for training in runs, of every interleave; for judging one by one, side by side.
+
+    Args:
+        store: The corpus.
+        split: ``"train"``, ``"val"`` or ``"test"``.
+        spec: The method's windows.
+        needs: Fields that it reads.
+    """
+    if spec.fps == EVALUATION_FPS:
+        return WindowDataset(store, split, spec, needs)
+    training = split == "train"
+    if not training:
+        spec = replace(spec, run=1, stride=spec.frames)
+    return StepWindows(store, split, spec, needs, every_interleave=training)

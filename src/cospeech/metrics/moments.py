@@ -73,6 +73,8 @@ def recording_moments(features: Tensor, recording_ids: Sequence[Hashable]) -> Mo
         raise ValueError(f"{len(recording_ids)} recording ids for {len(features)} rows")
     numbers: dict[Hashable, int] = {}
     index = torch.tensor([numbers.setdefault(key, len(numbers)) for key in recording_ids])
-    per_recording = [feature_moments(features[index == number]) for number in numbers.values()]
+    counts = torch.bincount(index, minlength=len(numbers)).tolist()
+    sorted_features = features[torch.argsort(index, stable=True).to(features.device)]
+    per_recording = [feature_moments(rows) for rows in sorted_features.split(counts)]
     samples, totals, outers = zip(*per_recording, strict=True)
     return Moments(torch.stack(samples), torch.stack(totals), torch.stack(outers))

@@ -17,6 +17,9 @@ from torch import Tensor
 from cospeech.metrics.functional import frechet_distance
 from cospeech.metrics.moments import Moments
 
+LEFT_OUT_AT_ONCE = 512
+"""Leave-one-out sets weighed together: a weight per recording each."""
+
 
 class FgdInterval(NamedTuple):
     """A distance, or a difference of two, with its uncertainty over recordings.
@@ -112,7 +115,12 @@ def _reflected(
     recordings = len(counts)
     everything = torch.ones(recordings, dtype=torch.float64, device=counts.device)
     estimate = statistic(everything)
-    left_out = statistic(everything - torch.diag(everything))
+    left_out = torch.cat(
+        [
+            statistic(everything - torch.nn.functional.one_hot(some, recordings))
+            for some in torch.arange(recordings, device=counts.device).split(LEFT_OUT_AT_ONCE)
+        ]
+    )
     extrapolated = recordings * estimate - (recordings - 1) * left_out.mean()
 
     generator = torch.Generator().manual_seed(seed)

@@ -48,7 +48,9 @@ class PhaseClassifierDescription(TypedDict):
         merge: Name of its classes in `PHASE_MERGES`.
         joint_set: Which joints it looks at, and from where.
         roles: The joints, in order, named as in `GestureJoints.roles`.
-        pitch: Whether it reads the pitch.
+        pitch: Of `PhaseFeatures`, as the next two.
+        speeds: Whether speeds are channels.
+        smooth: Whether positions pass a low-pass.
         sizes: Of `PhaseSizes`.
     """
 
@@ -56,6 +58,8 @@ class PhaseClassifierDescription(TypedDict):
     joint_set: JointSet
     roles: list[str]
     pitch: bool
+    speeds: bool
+    smooth: bool
     sizes: dict[str, float]
 
 
@@ -217,6 +221,8 @@ class FrozenPhaseClassifier(nn.Module):
             "joint_set": self.joint_set,
             "roles": list(self.roles),
             "pitch": self.pitch,
+            "speeds": self.features.speeds,
+            "smooth": self.features.smooth,
             "sizes": asdict(self.network.sizes),
         }
 
@@ -229,7 +235,12 @@ class FrozenPhaseClassifier(nn.Module):
             ValueError: Its parts don't fit one another.
         """
         merge = PHASE_MERGES[description["merge"]]
-        features = PhaseFeatures(len(description["roles"]), description["pitch"])
+        features = PhaseFeatures(
+            len(description["roles"]),
+            description["pitch"],
+            description["speeds"],
+            description["smooth"],
+        )
         sizes = PhaseSizes(**description["sizes"])  # type: ignore[arg-type]
         network = PhaseNetwork(features.channels, len(merge.classes), sizes)
         joint_set, roles = description["joint_set"], description["roles"]

@@ -106,24 +106,28 @@ class PhaseFeatures(nn.Module):
     Args:
         joints: Number of joints.
         pitch: Whether the pitch is a channel.
+        speeds: Whether each joint's speed is a channel, besides its velocity (spec C.5).
+        smooth: Whether positions pass a low-pass first, 1-2-1 over neighbouring steps (a standard
+            deviation of 35 ms): for noisy positions such as a Kinect's (spec C.5).
     """
 
     mean: Tensor
     deviation: Tensor
     steps: Tensor
 
-    def __init__(self, joints: int, pitch: bool) -> None:
+    def __init__(
+        self, joints: int, pitch: bool, speeds: bool = False, smooth: bool = False
+    ) -> None:
         super().__init__()
-        self.joints, self.pitch = joints, pitch
-        channels = 3 * joints + pitch
-        self.register_buffer("mean", torch.zeros(channels))
-        self.register_buffer("deviation", torch.ones(channels))
+        self.joints, self.pitch, self.speeds, self.smooth = joints, pitch, speeds, smooth
+        self.register_buffer("mean", torch.zeros(self.channels))
+        self.register_buffer("deviation", torch.ones(self.channels))
         self.register_buffer("steps", torch.zeros((), dtype=torch.int64))
 
     @property
     def channels(self) -> int:
         """Channels per step."""
-        return 3 * self.joints + self.pitch
+        return (3 + self.speeds) * self.joints + self.pitch
 
     @property
     def fitted(self) -> bool:
@@ -154,7 +158,8 @@ class PhaseFeatures(nn.Module):
         Raises:
             ValueError: There are no steps.
         """
-        steps, total, squares = 0, torch.zeros(self.channels).double(), torch.zeros(1).double()
+        steps = 0
+        total = squares = torch.zeros(self.channels, dtype=torch.float64)
         for joints, pitch in windows:
             values = self._raw(joints, pitch).flatten(0, 1).double().cpu()
             steps += len(values)
@@ -170,7 +175,10 @@ class PhaseFeatures(nn.Module):
     def _raw(self, joints: Tensor, pitch: Tensor | None) -> Tensor:
         if joints.shape[-2] != self.joints:
             raise ValueError(f"{joints.shape[-2]} joints, not {self.joints}")
-        values = velocities(joints, STEP_FPS, speeds=False)
+        if self.smooth:
+            around = torch.cat([joints[:, :1], joints, joints[:, -1:]], dim=1)
+            joints = (around[:, :-2] + 2 * joints + around[:, 2:]) / 4
+        values = velocities(joints, STEP_FPS, self.speeds)
         if not self.pitch:
             return values
         if pitch is None:

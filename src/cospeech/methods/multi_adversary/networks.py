@@ -93,7 +93,7 @@ class MinibatchSimilarity(nn.Module):
         self.weight = nn.Parameter(torch.randn(inputs, kernels * kernel_size) * scale)
 
     def forward(self, windows: Tensor) -> Tensor:
-        """Similarities ``(B, kernels)`` in [0, 1] of windows ``(B, inputs)``; 0 for a batch of one."""
+        """Similarities ``(B, kernels)`` in [0, 1] of windows ``(B, inputs)``; 0 for one alone."""
         kernels = (windows @ self.weight).unflatten(1, (self.kernels, self.kernel_size))
         distances = (kernels[:, None] - kernels[None]).abs().sum(dim=-1)
         count = len(windows)

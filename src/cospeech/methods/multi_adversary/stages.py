@@ -163,5 +163,5 @@ def snapshot_steps(steps: int, count: int) -> tuple[int, ...]:
         Ascending numbers of finished steps from 0 to ``steps``, the others spaced evenly in their
         logarithm.
     """
-    spaced = np.geomspace(1, steps, count - 1).round().astype(int)
-    return (0, *sorted({*spaced.tolist(), steps}))
+    spaced = np.geomspace(steps, 1, count - 1).round().astype(int)
+    return (0, *sorted(set(spaced.tolist())))

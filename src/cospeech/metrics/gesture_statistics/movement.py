@@ -21,7 +21,9 @@ def bone_lengths(positions: ArrayLike, bones: Sequence[tuple[int, int]]) -> Arra
     """Lengths ``(..., B)``, metres, of bones given as (parent, child), in ``(..., J, 3)``."""
     positions = np.asarray(positions, dtype=np.float64)
     parents, children = ([bone[end] for bone in bones] for end in (0, 1))
-    lengths: Array = np.linalg.norm(positions[..., children, :] - positions[..., parents, :], axis=-1)
+    lengths: Array = np.linalg.norm(
+        positions[..., children, :] - positions[..., parents, :], axis=-1
+    )
     return lengths
 
 

@@ -130,7 +130,9 @@ def phase_distances(structure: PhaseStructure, real: PhaseStructure) -> PhaseDis
     return PhaseDistances(
         _distance(structure.shares, real.shares),
         _distance(structure.pairs.ravel(), real.pairs.ravel()),
-        np.array([_distance(*rows) for rows in zip(structure.durations, real.durations, strict=True)]),
+        np.array(
+            [_distance(*rows) for rows in zip(structure.durations, real.durations, strict=True)]
+        ),
     )
 
 

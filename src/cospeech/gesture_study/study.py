@@ -1,0 +1,164 @@
+"""All systems of a comparison on the same held-out speech: measured, drawn, written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.store import Store
+from cospeech.corpus.windows import WindowSpec
+from cospeech.errors import CospeechError
+from cospeech.evaluation import evaluate_recordings, reference_rows
+from cospeech.gesture_study.held_out import (
+    FPS,
+    FRAMES,
+    VELOCITY_WINDOWS,
+    held_out_part,
+    takes_of,
+    training_mean_pose,
+)
+from cospeech.gesture_study.results import as_json, study_facts
+from cospeech.gesture_study.systems import (
+    MakesJoints,
+    TrainedSystem,
+    in_paper_order,
+    label_joints,
+    motion_of,
+)
+from cospeech.metrics.encoder import GestureEncoder
+from cospeech.metrics.gesture_statistics.findings import judge
+from cospeech.metrics.gesture_statistics.measuring import measure_systems
+from cospeech.metrics.gesture_statistics.phase_structure import (
+    PhaseStructure,
+    count_phases,
+    phase_structure,
+)
+from cospeech.metrics.gesture_statistics.systems import REAL, Setting, SystemMotion
+from cospeech.motion.gesture_joints import gesture_joints
+from cospeech.nn.phase_classifier import FrozenPhaseClassifier
+from cospeech.reporting.gesture_figures import GestureFigures, text_table, write_gesture_figures
+from cospeech.reporting.record import write_json
+
+RANGE_WINDOWS = 50
+"""As many as the paper's figure 11 takes; fewer where the part has fewer."""
+
+
+def multi_adversary_figures(
+    store: Store,
+    encoder: GestureEncoder,
+    split: str,
+    folder: Path,
+    systems: Sequence[TrainedSystem],
+    classifier: FrozenPhaseClassifier | None,
+    seed: int,
+) -> dict[str, Any]:
+    """Draw the paper's figures 1 and 11 and measure all systems on the same held-out speech.
+
+    Prints the table and writes ``figures.html`` and ``figures.json``.
+
+    Args:
+        store: The corpus, that of all systems.
+        encoder: The common evaluation space.
+        split: The part to judge on.
+        folder: Where the files go.
+        systems: Trained systems.
+        classifier: Labels real and generated motion alike; None leaves phases out.
+        seed: Of the choice of windows and the resampling.
+
+    Returns:
+        What the JSON holds.
+
+    Raises:
+        CospeechError: No systems, one that doesn't make gesturing joints, or motion that does not
+            fit the speech.
+    """
+    for system in systems:
+        if not isinstance(system.method, MakesJoints):
+            raise CospeechError(
+                f"{system.name}: a {type(system.method).__name__} makes no gesturing joints",
+                "give runs of model=multi_adversary",
+            )
+    if not systems:
+        raise CospeechError("no trained systems", "give the folders of finished runs: runs=[DIR]")
+    layout = gesture_joints(store.skeletons[0])
+    held_out = held_out_part(store, split)
+    rng = np.random.default_rng(seed)
+    count = min(VELOCITY_WINDOWS, len(held_out.windows))
+    chosen = np.sort(rng.permutation(len(held_out.windows))[:count])
+    setting = Setting(
+        roles=layout.roles,
+        bones=layout.bones,
+        mean_pose=training_mean_pose(store),
+        window_recordings=held_out.windows.recordings[held_out.windows.starts[chosen]],
+        range_windows=np.sort(rng.permutation(count)[:RANGE_WINDOWS]),
+        phase_classes=() if classifier is None else classifier.classes,
+        fps=FPS,
+    )
+    pitches = [take.pitch for take in held_out.takes]
+
+    def phases_of(recordings: Sequence[NDArray[np.float32]]) -> list[NDArray[np.int64]] | None:
+        if classifier is None:
+            return None
+        return [
+            label_joints(classifier, joints, layout, pitch)
+            for joints, pitch in zip(recordings, pitches, strict=True)
+        ]
+
+    floor = reference_rows(store, encoder, split, seed).get("real_halves", {}).get("fgd")
+    real_recordings = [take.joints for take in held_out.takes]
+    motions = [
+        SystemMotion(
+            name=REAL,
+            windows=held_out.windows.batch(chosen).require("joints").numpy(),
+            recordings=real_recordings,
+            side_by_side=[joints[: len(joints) // FRAMES * FRAMES] for joints in real_recordings],
+            phases=phases_of(real_recordings),
+            border_frames=FRAMES,
+            fgd=floor,
+        )
+    ]
+    for system in in_paper_order(systems):
+        motions.append(motion_of(system, held_out, chosen, layout, phases_of))
+        row = evaluate_recordings(system.method, store, split, encoder)
+        ends = row.get("fgd_low"), row.get("fgd_high")
+        interval = None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
+        motions[-1] = replace(motions[-1], fgd=row["fgd"], fgd_interval=interval)
+    statistics = measure_systems(setting, motions, seed)
+    verdicts = judge(statistics)
+    annotated = None if classifier is None else _annotated(store, split, classifier)
+    facts = study_facts(store, encoder, split, systems, classifier, setting, held_out, seed)
+    page = folder / "figures.html"
+    write_gesture_figures(
+        GestureFigures(store.name, split, setting, statistics, verdicts, facts, annotated), page
+    )
+    result = {"facts": dict(facts), **as_json(setting, statistics, verdicts)}
+    write_json(folder / "figures.json", result)
+    print(text_table(statistics, verdicts))
+    print(f"\n{count} {split} windows of {store.name}; figures: {page}")
+    return result
+
+
+def _annotated(
+    store: Store, split: str, classifier: FrozenPhaseClassifier
+) -> PhaseStructure | None:
+    """The phases as annotated, in the classifier's classes; None where some recording has none."""
+    spans = store.splits[split]
+    if not all(store.recordings[span.recording].has_phases for span in spans):
+        return None
+    spec, needs = WindowSpec(FPS, FRAMES, 0, FRAMES), frozenset({"phases"})
+    windows = StepWindows(store, split, spec, needs, every_interleave=False)
+    counts = [
+        count_phases(
+            classifier.merge(windows.phases[take.first : take.first + len(take.joints)]),
+            len(classifier.classes),
+            FPS,
+        )
+        for take in takes_of(store, windows)
+    ]
+    return phase_structure(counts, FPS)

@@ -1,0 +1,171 @@
+"""Trained systems, and what they make for held-out speech."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.step_windows import StepWindows
+from cospeech.errors import CospeechError
+from cospeech.gesture_study.held_out import FPS, FRAMES, HeldOut
+from cospeech.methods.base import GestureMethod
+from cospeech.metrics.gesture_statistics.findings import PAPER_SYSTEMS
+from cospeech.metrics.gesture_statistics.systems import SystemMotion
+from cospeech.motion.gesture_joints import GestureJoints
+from cospeech.motion.motion import Motion
+from cospeech.nn.phase_classifier import FrozenPhaseClassifier
+from cospeech.nn.step_sequences import centred
+from cospeech.progress import progress_bar
+from cospeech.speech.speech import Speech
+
+_BATCH = 64
+
+
+@runtime_checkable
+class MakesJoints(Protocol):
+    """What the study asks of a method, beside `GestureMethod`.
+
+    Attributes:
+        border_frames: Frames from the start of one window to the next in `generate_joints`.
+    """
+
+    border_frames: int
+
+    def sample_joints(self, batch: GestureBatch) -> Tensor:
+        """``(B, 100, J, 3)`` gesturing joints of windows of speech, in the order of the roles.
+
+        Relative to the pelvis and facing +z, metres (`cospeech.motion.gesture_joints`).
+        """
+
+    def generate_joints(self, speech: Speech) -> Motion:
+        """The same joints at 20 fps for speech of any length, named by their roles."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedSystem:
+    """A trained method under the name of what was left out.
+
+    Attributes:
+        name: ``"full"`` or e.g. ``"no_motion"``; `PAPER_SYSTEMS` come first in the figures.
+        seed: Of its training; several seeds of one name are one system.
+        method: A `GestureMethod` that `MakesJoints`, with its weights.
+    """
+
+    name: str
+    seed: int
+    method: GestureMethod
+
+
+def in_paper_order(systems: Sequence[TrainedSystem]) -> list[TrainedSystem]:
+    """Systems in the order of the paper's figure 11, then by name; seeds of one together."""
+    order = {name: place for place, name in enumerate(PAPER_SYSTEMS)}
+    return sorted(systems, key=lambda s: (order.get(s.name, len(order)), s.name, s.seed))
+
+
+@torch.no_grad()
+def label_joints(
+    classifier: FrozenPhaseClassifier,
+    joints: NDArray[np.float32],
+    layout: GestureJoints,
+    pitch: NDArray[np.float32],
+) -> NDArray[np.int64]:
+    """Likeliest phase of each step of a recording at 20 fps.
+
+    Windows of 5 s overlap, and only the middle of each counts.
+
+    Args:
+        classifier: The classifier.
+        joints: ``(T, J, 3)`` in the order of ``layout.roles``, T >= 2, body frame, metres.
+        layout: Which joints they are.
+        pitch: ``(T,)`` F0, Hz.
+
+    Returns:
+        ``(T,)`` class indices; the first frame, which no step leads to, has the second's.
+    """
+    windows, keep = centred(len(joints), FRAMES)
+    positions = torch.from_numpy(joints)[torch.from_numpy(windows)]
+    hertz = torch.from_numpy(pitch)[torch.from_numpy(windows)]
+    scores = classifier.class_probabilities(
+        classifier.choose(positions, layout), hertz if classifier.pitch else None
+    )
+    labels = scores.numpy()[keep].argmax(axis=-1)
+    return np.concatenate([labels[:1], labels])
+
+
+Labeller = Callable[[Sequence[NDArray[np.float32]]], list[NDArray[np.int64]] | None]
+
+
+def motion_of(
+    system: TrainedSystem,
+    held_out: HeldOut,
+    chosen: NDArray[np.int64],
+    layout: GestureJoints,
+    phases_of: Labeller,
+) -> SystemMotion:
+    """All that a system makes for the held-out speech."""
+    method = system.method
+    assert isinstance(method, MakesJoints)
+    training = method.training
+    method.eval()
+    takes = held_out.takes
+    title = f"{system.name}, seed {system.seed}"
+    recordings = [
+        _generated(system, held_out.store.speech(take.span), len(take.joints), layout)
+        for take in progress_bar(takes, len(takes), title)
+    ]
+    windows = _sampled(method, held_out.windows, chosen)
+    rows = [held_out.side_by_side(take) for take in takes]
+    consecutive = _sampled(method, held_out.windows, np.concatenate(rows))
+    edges = np.cumsum([len(part) for part in rows])[:-1]
+    side_by_side = [part.reshape(-1, *part.shape[2:]) for part in np.split(consecutive, edges)]
+    method.train(training)
+    return SystemMotion(
+        name=system.name,
+        windows=windows,
+        recordings=recordings,
+        side_by_side=side_by_side,
+        phases=phases_of(recordings),
+        seed=system.seed,
+        border_frames=method.border_frames,
+    )
+
+
+@torch.no_grad()
+def _sampled(
+    method: MakesJoints, windows: StepWindows, chosen: NDArray[np.int64]
+) -> NDArray[np.float32]:
+    device = getattr(method, "device", "cpu")
+    parts = [
+        method.sample_joints(windows.batch(chosen[first : first + _BATCH]).to(device)).cpu()
+        for first in range(0, len(chosen), _BATCH)
+    ]
+    return torch.cat(parts).numpy()
+
+
+def _generated(
+    system: TrainedSystem, speech: Speech, frames: int, layout: GestureJoints
+) -> NDArray[np.float32]:
+    """Motion for a recording, ``(frames, J, 3)`` in the order of the roles."""
+    assert isinstance(system.method, MakesJoints)
+    motion = system.method.generate_joints(speech)
+    names = list(motion.skeleton.joints)
+    if motion.fps != FPS or set(layout.roles) - set(names):
+        raise CospeechError(
+            f"{system.name}: motion of {', '.join(names)} at {motion.fps:g} fps, where the corpus"
+            f" has {', '.join(layout.roles)} at {FPS:g} fps",
+            "judge a run on the corpus that it was trained on",
+        )
+    if len(motion) < frames - 1:
+        raise CospeechError(
+            f"{system.name}: {len(motion)} frames of motion for speech of {frames} frames"
+        )
+    joints = motion.positions[:frames, [names.index(role) for role in layout.roles]]
+    # a recording can end with motion that its audio no longer covers
+    return np.concatenate([joints, joints[-1:].repeat(frames - len(joints), axis=0)])

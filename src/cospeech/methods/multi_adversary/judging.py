@@ -1,0 +1,65 @@
+"""What validation says of a generator besides FGD: wrist velocity and phases (spec B.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from cospeech.metrics.gesture_statistics.wrists import (
+    area_between,
+    median_curve,
+    wrist_velocities,
+)
+
+
+class Tally:
+    """Sums over the windows of one evaluation, generated beside real.
+
+    Args:
+        wrists: Indices of both wrists.
+        fps: Steps per second.
+        classes: Names of the phases; empty where nothing tells them.
+    """
+
+    def __init__(self, wrists: Sequence[int], fps: float, classes: Sequence[str]) -> None:
+        self.wrists, self.fps, self.classes = list(wrists), fps, list(classes)
+        self._velocities: dict[str, list[np.ndarray]] = {"generated": [], "real": []}
+        self._steps = {name: torch.zeros(len(classes)) for name in self._velocities}
+        self._right, self._labelled = 0, 0
+
+    def add(self, source: str, joints: Tensor, phases: Tensor | None) -> None:
+        """Add windows.
+
+        Args:
+            source: ``"generated"`` or ``"real"``.
+            joints: ``(B, T, J, 3)`` metres.
+            phases: ``(B, T - 1, K)`` class probabilities; None without classes.
+        """
+        positions = joints.detach().cpu().numpy()
+        self._velocities[source].append(wrist_velocities(positions, self.wrists, self.fps))
+        if phases is not None:
+            found = phases.argmax(dim=-1).flatten().cpu()
+            self._steps[source] += torch.bincount(found, minlength=len(self.classes))
+
+    def add_labels(self, phases: Tensor, labels: Tensor) -> None:
+        """Compare ``(B, T - 1, K)`` probabilities of real motion with annotated classes."""
+        self._right += int((phases.argmax(dim=-1) == labels).sum())
+        self._labelled += labels.numel()
+
+    def gap(self) -> float:
+        """Area between the median wrist velocities of both over time, metres per window."""
+        curves = [median_curve(np.concatenate(found)) for found in self._velocities.values()]
+        return float(area_between(curves[0], curves[1], self.fps))
+
+    def values(self) -> dict[str, float]:
+        """Everything that was counted, by the end of its logged name."""
+        found = {"wrist_speed_gap": self.gap()}
+        for source, steps in self._steps.items():
+            for name, count in zip(self.classes, steps.tolist(), strict=True):
+                found[f"phase_share_{name}_{source}"] = count / max(1.0, float(steps.sum()))
+        if self._labelled:
+            found["classifier_accuracy"] = self._right / self._labelled
+        return found

@@ -1,0 +1,651 @@
+"""Training through all stages in one run, and what evaluation needs (Ferstl et al. 2020)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from typing import Any, ClassVar, cast, get_args
+
+import torch
+from lightning.pytorch.core.optimizer import LightningOptimizer
+from torch import Tensor, nn
+
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.facts import CorpusFacts
+from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import WindowDataset, WindowSpec
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.multi_adversary.adversaries import (
+    Labels,
+    Views,
+    checked_settings,
+    classified,
+)
+from cospeech.methods.multi_adversary.history import WeightHistory
+from cospeech.methods.multi_adversary.judging import Tally
+from cospeech.methods.multi_adversary.keeping import (
+    DEPENDS_ON,
+    StageProducts,
+    packed,
+    unpacked,
+)
+from cospeech.methods.multi_adversary.players import Players
+from cospeech.methods.multi_adversary.products import Products, tensors_hash
+from cospeech.methods.multi_adversary.stages import (
+    STAGES,
+    Curriculum,
+    CurriculumRules,
+    Progress,
+    Schedule,
+    Stage,
+    snapshot_steps,
+)
+from cospeech.methods.multi_adversary.steps import Logs, StageSteps, StepSettings
+from cospeech.methods.multi_adversary.synthesis import (
+    LongForm,
+    at_evaluation_rate,
+    evaluation_joints,
+    gesture_skeleton,
+    head_offsets,
+    long_poses,
+    speech_features,
+)
+from cospeech.motion.gesture_joints import gesture_joints
+from cospeech.motion.motion import Motion
+from cospeech.motion.phases import PHASE_MERGES
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.nn.phase_classifier import WINDOW_FRAMES, FrozenPhaseClassifier
+from cospeech.nn.phase_network import STEP_FPS, PhaseSizes
+from cospeech.speech.speech import Speech
+
+logger = logging.getLogger(__name__)
+
+PAPER_WEIGHTS = {"phase": 2.0, "motion": 4.0, "minibatch": 4.0, "displacement": 1.0}
+"""The adversaries' weights in the paper, equation 3."""
+
+LONGEST_RUN = 4
+"""Consecutive windows of a batch: with more, batch norm and the minibatch adversary would see
+little else than one moment of one take (spec B.7, trap 7)."""
+
+BEFORE_ADVERSARIAL = 1e9
+"""The selecting value of epochs whose generator isn't the one wanted yet."""
+
+_STATE = "multi_adversary"
+_RUNS_AT_ONCE = 64
+
+
+class MultiAdversary(GestureMethod):
+    """GAN of Ferstl et al. 2020: prosody to 3-D gestures, judged by up to four adversaries.
+
+    One training goes through the stages ``classifier``, ``pretraining``, ``phase_curriculum``,
+    ``motion_pretraining`` and ``adversarial``, and then stops by itself. Where it stands is in
+    every checkpoint. Reads joints, acoustics, and phases where a classifier is to be trained.
+
+    Args:
+        corpus: The skeleton, the mean head and the fingerprint are used.
+        adversaries: Name -> ``{"weight": ...}`` and, where wanted, sizes (see
+            `cospeech.methods.multi_adversary.adversaries`); None for a name leaves it out, a weight
+            of 0 lets it watch. None takes the paper's four. With none of them the last stage makes
+            objective steps only.
+        classifier: File of a trained phase classifier; None trains one on the corpus's phases.
+        products_dir: Folder where stages leave their products, and find them; None: nowhere.
+        phase_classes: Name of the classes in `PHASE_MERGES`.
+        pitch: Whether the classifier that is trained here reads the pitch.
+        labels: ``"soft"``: the phase adversary sees probabilities. ``"hard"``: one-hot labels, of
+            real and generated motion alike, with the probabilities' gradient.
+        curriculum: Whether the phase adversary is pre-trained on the generator's history.
+        hidden_size: Of the generator.
+        classifier_sizes: Of `PhaseSizes`; None takes its defaults.
+        classifier_steps: Length of the stage.
+        pretraining_steps: Length of the stage.
+        snapshots: Levels of the curriculum: moments of the pre-training, the first before it.
+        curriculum_accuracy: Accuracy that a batch of a level must reach ...
+        curriculum_streak: ... so often in a row ...
+        curriculum_batches: ... within so many batches, or the level ends without.
+        motion_pretraining_steps: Length of the stage.
+        adversarial_steps: Length of the stage.
+        steps_per_correction: Adversarial steps per objective step.
+        pretraining_dropout: Of the generator's dense layer and of its GRU.
+        adversarial_dropout: The same, in all stages after the pre-training.
+        continuity_weight: Of the jump from a window to the next; 0 only logs it.
+        finger_weight: Of the finger tips' offsets; 0 only logs it.
+        classifier_learning_rate: Of Adam.
+        pretraining_learning_rate: Of Adam.
+        learning_rate: Of RMSprop, generator against adversaries.
+        discriminator_learning_rate: Of RMSprop.
+        correction_learning_rate: Of RMSprop, objective steps.
+        run: Consecutive windows that stay together in a batch, 1 to 4.
+        stride: Steps from one run's start to the next.
+        long_form: How speech longer than a window is made (`LongForm`).
+
+    Raises:
+        ConfigError: A value that is out of its range or not among the choices.
+        CospeechError: The corpus's skeleton lacks the gesturing joints.
+    """
+
+    window = WindowSpec(fps=STEP_FPS, frames=WINDOW_FRAMES, seed_frames=0, stride=200, run=4)
+    needs = frozenset({"joints", "acoustics", "positions"})
+    head: Tensor
+    monitor: ClassVar[str] = "val/adversarial_gap"
+
+    def __init__(
+        self,
+        corpus: CorpusFacts,
+        adversaries: dict[str, dict[str, float] | None] | None = None,
+        classifier: str | None = None,
+        products_dir: str | None = None,
+        phase_classes: str = "four",
+        pitch: bool = True,
+        labels: Labels = "soft",
+        curriculum: bool = True,
+        hidden_size: int = 256,
+        classifier_sizes: dict[str, float] | None = None,
+        classifier_steps: int = 2000,
+        pretraining_steps: int = 5000,
+        snapshots: int = 20,
+        curriculum_accuracy: float = 0.7,
+        curriculum_streak: int = 3,
+        curriculum_batches: int = 2000,
+        motion_pretraining_steps: int = 1000,
+        adversarial_steps: int = 20_000,
+        steps_per_correction: int = 2,
+        pretraining_dropout: tuple[float, float] = (0.3, 0.5),
+        adversarial_dropout: tuple[float, float] = (0.2, 0.2),
+        continuity_weight: float = 1.0,
+        finger_weight: float = 1.0,
+        classifier_learning_rate: float = 1e-3,
+        pretraining_learning_rate: float = 1e-3,
+        learning_rate: float = 1e-4,
+        discriminator_learning_rate: float = 1e-4,
+        correction_learning_rate: float = 2e-5,
+        run: int = 4,
+        stride: int = 200,
+        long_form: LongForm = "crossfade",
+    ) -> None:
+        super().__init__()
+        _check_choice("phase_classes", phase_classes, tuple(PHASE_MERGES))
+        _check_choice("labels", labels, get_args(Labels))
+        _check_choice("long_form", long_form, get_args(LongForm))
+        _check_range("run", run, 1, LONGEST_RUN)
+        _check_range("snapshots", snapshots, 2)
+        for name, length in (
+            ("classifier_steps", classifier_steps),
+            ("pretraining_steps", pretraining_steps),
+            ("motion_pretraining_steps", motion_pretraining_steps),
+            ("adversarial_steps", adversarial_steps),
+            ("curriculum_streak", curriculum_streak),
+            ("curriculum_batches", curriculum_batches),
+            ("steps_per_correction", steps_per_correction),
+            ("stride", stride),
+        ):
+            _check_range(name, length, 1)
+        self.save_hyperparameters(logger=False)
+        # The run seeds torch before it builds its model; first weights and products depend on it.
+        self.seed = torch.initial_seed()
+        if adversaries is None:
+            adversaries = {name: {"weight": weight} for name, weight in PAPER_WEIGHTS.items()}
+        self.settings = checked_settings(adversaries)
+        self.classifier_path = classifier
+        self.fingerprint, self.speakers = corpus["fingerprint"], list(corpus["speakers"])
+        self.layout = gesture_joints(Skeleton.from_dict(corpus["skeleton"]))
+        self.window = replace(self.window, run=run, stride=stride)
+        trains_classifier = classifier is None and "phase" in self.settings
+        if trains_classifier:
+            self.needs = self.needs | {"phases"}  # type: ignore[misc]
+        self.merge = PHASE_MERGES[phase_classes]
+        self.learning_rates = {
+            "classifier": classifier_learning_rate,
+            "pretraining": pretraining_learning_rate,
+            "generator": learning_rate,
+            "discriminator": discriminator_learning_rate,
+            "correction": correction_learning_rate,
+        }
+        self.long_form: LongForm = long_form
+        self.register_buffer("head", head_offsets(corpus["mean_direction"], corpus["bone_lengths"]))
+        self.players = Players(
+            self.layout,
+            self.settings,
+            hidden_size,
+            self.window.frames,
+            self.merge,
+            student=trains_classifier,
+            pitch=pitch,
+            sizes=_phase_sizes(classifier_sizes),
+            seed=self.seed,
+        )
+        self.views = Views(self.players.scales, self.players.displacements, self.layout, labels)
+        self.history = WeightHistory(snapshot_steps(pretraining_steps, snapshots))
+        self.steps = StageSteps(
+            self.players,
+            self.views,
+            self.history,
+            StepSettings(
+                run,
+                self.window.frames,
+                pretraining_dropout,
+                adversarial_dropout,
+                steps_per_correction,
+                continuity_weight,
+                finger_weight,
+            ),
+            self._descend,
+        )
+        self.kept = StageProducts(
+            Products(products_dir),
+            self.players,
+            self.views,
+            self.history,
+            dict(self.hparams),
+            self.settings,
+        )
+        lengths: dict[Stage, int | None] = {
+            "classifier": classifier_steps,
+            "pretraining": pretraining_steps,
+            "phase_curriculum": None,
+            "motion_pretraining": motion_pretraining_steps,
+            "adversarial": adversarial_steps,
+        }
+        left_out = {
+            "classifier": not trains_classifier,
+            "phase_curriculum": "phase" not in self.settings or not curriculum,
+            "motion_pretraining": "motion" not in self.settings,
+        }
+        self.schedule = Schedule(
+            {stage: length for stage, length in lengths.items() if not left_out.get(stage)},
+            CurriculumRules(
+                len(self.history.moments),
+                curriculum_accuracy,
+                curriculum_streak,
+                curriculum_batches,
+            ),
+        )
+        self.progress = Progress(self.schedule.first())
+        self.done: frozenset[Stage] = frozenset()
+        self._data: dict[str, Any] | None = None
+        self._tally: Tally | None = None
+        self._judge: FrozenPhaseClassifier | None = None
+
+    # Where the training stands ---------------------------------------------------------------
+
+    def setup(self, stage: str) -> None:
+        """Read the named classifier before a new training; a resumed one has it in its checkpoint.
+
+        Raises:
+            CospeechError: It can't be read, has other classes, or needs joints that the corpus
+                lacks.
+        """
+        if stage == "fit" and self.classifier_path is not None and self.views.classifier is None:
+            classifier = FrozenPhaseClassifier.load(self.classifier_path)
+            if classifier.merge.name != self.merge.name:
+                raise ConfigError(
+                    f"the classifier {self.classifier_path} tells the classes"
+                    f" {classifier.merge.name!r}, not {self.merge.name!r}",
+                    f"say model.phase_classes={classifier.merge.name}",
+                )
+            classifier.choose(torch.zeros(1, 1, len(self.layout.roles), 3), self.layout)
+            self.views.classifier = classifier
+
+    def on_train_start(self) -> None:
+        """Take the statistics and what earlier runs left; stop where nothing is left to do."""
+        if self._data is None:
+            self._data = self._measure_corpus()
+            self._take_products(self._data)
+        if self.progress.stage == "finished":
+            self._finish()
+            return
+        self._announce()
+        self._compare_with_epochs()
+
+    def on_train_epoch_start(self) -> None:
+        """Forget the values of the epoch before, or a finished stage's would be logged for ever."""
+        metrics = self.trainer.callback_metrics
+        for name in [name for name in metrics if name.startswith("train/")]:
+            del metrics[name]
+
+    def _measure_corpus(self) -> dict[str, Any]:
+        """Take the statistics; what the training sees, as plain values."""
+        loader = self.trainer.train_dataloader
+        assert isinstance(loader, WindowLoader)
+        self.players.fit_scales(_EveryWindow(loader.dataset), list(self.layout.arms))
+        return {
+            "corpus": self.fingerprint,
+            "seed": self.seed,
+            "windows": [self.window.run, self.window.stride, len(loader.dataset)],
+            "runs_per_batch": loader.sampler.batch_size,
+            "batches": int(self.trainer.num_training_batches),
+            "processes": self.trainer.world_size,
+            "scales": tensors_hash(self.players.scales.state_dict()),
+        }
+
+    def _take_products(self, data: dict[str, Any]) -> None:
+        """Skip what earlier runs of the same settings have done.
+
+        Only at the start of a run: a killed one goes on as it would have gone, whatever has become
+        of the folder. A classifier that no stage needs is taken too, where there is one: validation
+        tells phases with it.
+        """
+        wanted = {stage for stage in DEPENDS_ON if stage in self.schedule.lengths}
+        if self.classifier_path is None:
+            wanted.add("classifier")
+        self.done = frozenset(
+            stage for stage in DEPENDS_ON if stage in wanted and self.kept.take(stage, data)
+        )
+        self.progress = Progress(self.schedule.first(self.done))
+
+    def _end_stage(self) -> None:
+        """Keep the stage's product and go on to the next."""
+        stage = self.progress.stage
+        if stage == "classifier":
+            assert self.players.student is not None
+            self.views.classifier = self.players.student.frozen()
+        elif stage == "phase_curriculum":
+            self._report_curriculum(self.progress.curriculum)
+        if stage in DEPENDS_ON and self.trainer.is_global_zero:
+            self.kept.keep(stage, self._data)
+        self.progress = Progress(self.schedule.next_after(stage, self.done))
+        if self.progress.number > STAGES.index("phase_curriculum") + 1:
+            self.history.states = []
+        if self.progress.stage == "finished":
+            self._finish()
+        else:
+            self._announce()
+
+    def _announce(self) -> None:
+        place = f"step {self.progress.step}"
+        logger.info("stage %d, %s, from %s on", self.progress.number, self.progress.stage, place)
+
+    def _finish(self) -> None:
+        logger.info("all stages are done")
+        self.trainer.should_stop = True
+
+    def _report_curriculum(self, curriculum: Curriculum) -> None:
+        logger.info("batches per level: %s", ", ".join(map(str, curriculum.spent)))
+        if curriculum.capped:
+            logger.warning(
+                "the phase adversary left levels %s by the limit of %d batches, not its accuracy",
+                ", ".join(map(str, curriculum.capped)),
+                self.schedule.curriculum.most_batches,
+            )
+
+    def _compare_with_epochs(self) -> None:
+        epochs = self.trainer.max_epochs
+        if epochs is None or epochs < 0:
+            return
+        left = (epochs - self.current_epoch) * int(self.trainer.num_training_batches)
+        least = self.schedule.least_steps(self.done) - self.progress.step
+        if left < least:
+            logger.warning(
+                "%d epochs hold %d more steps, and the stages need %d or more: the last won't be"
+                " finished; raise training.epochs",
+                epochs,
+                left,
+                least,
+            )
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Add the state that is no weight: plain values and tensors."""
+        classifier = self.views.classifier
+        checkpoint[_STATE] = {
+            "seed": self.seed,
+            "data": self._data,
+            "progress": self.progress.to_dict(),
+            "done": sorted(self.done),
+            "history": self.history.states,
+            "classifier": None if classifier is None else packed(classifier),
+        }
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Take the state that is no weight."""
+        state = checkpoint[_STATE]
+        self.seed, self._data = state["seed"], state["data"]
+        self.progress = Progress.from_dict(state["progress"])
+        self.done = frozenset(state["done"])
+        self.history.states = state["history"]
+        found = state["classifier"]
+        self.views.classifier = None if found is None else unpacked(found)
+
+    # Training --------------------------------------------------------------------------------
+
+    def _optimizers(self) -> dict[str, tuple[type, nn.Module, float]]:
+        """Kind, network and rate by name.
+
+        There is one per stage and network, so that a product needs no state of an optimiser.
+        """
+        adam, rmsprop, rates = torch.optim.Adam, torch.optim.RMSprop, self.learning_rates
+        players = self.players
+        found: dict[str, tuple[type, nn.Module, float]] = {
+            "pretraining": (adam, players.generator, rates["pretraining"]),
+            "generator": (rmsprop, players.generator, rates["generator"]),
+            "correction": (rmsprop, players.generator, rates["correction"]),
+        }
+        if players.student is not None:
+            found["classifier"] = (adam, players.student, rates["classifier"])
+        if players.rehearsal is not None:
+            found["rehearsal"] = (rmsprop, players.rehearsal, rates["generator"])
+        for name, adversary in players.adversaries.items():
+            if name in ("phase", "motion"):
+                found[f"pretraining_{name}"] = (rmsprop, adversary, rates["discriminator"])
+            found[name] = (rmsprop, adversary, rates["discriminator"])
+        return found
+
+    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
+        """Adam for what is trained by itself, RMSprop for what plays against something."""
+        return [
+            kind(network.parameters(), lr=rate)
+            for kind, network, rate in self._optimizers().values()
+        ]
+
+    def _descend(self, name: str, loss: Tensor, largest_norm: float | None = None) -> None:
+        optimizers = cast(list[LightningOptimizer], self.optimizers())
+        optimizer = optimizers[list(self._optimizers()).index(name)]
+        optimizer.zero_grad()
+        self.manual_backward(loss)
+        if largest_norm is not None:
+            self.clip_gradients(optimizer.optimizer, largest_norm, "norm")
+        optimizer.step()
+
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> Logs:
+        """One step of the stage that the training is in."""
+        before = self.progress
+        logs = {
+            f"train/{name}": value.detach()
+            for name, value in self.steps.take(before, batch).items()
+        }
+        self.log_dict(logs, on_step=False, on_epoch=True, batch_size=len(batch), sync_dist=True)
+        self.log(
+            "train/stage",
+            float(before.number),
+            on_step=False,
+            on_epoch=True,
+            prog_bar=True,
+            reduce_fx="max",
+        )
+        accuracy = None
+        if before.stage == "phase_curriculum":
+            # All processes go on to the next level together.
+            together = cast(Tensor, self.all_gather(logs["train/curriculum_accuracy"]))
+            accuracy = float(together.mean())
+        self.progress = before.after_step(self.schedule, accuracy)
+        if self.progress.stage_is_complete(self.schedule):
+            self._end_stage()
+        return logs
+
+    # Judging and synthesis -------------------------------------------------------------------
+
+    @torch.no_grad()
+    def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
+        """One window per item at the evaluation rate, ``(B, 75, 10, 3)``.
+
+        There is nothing to draw: ``generator`` isn't used, and the same speech gives the same
+        motion.
+        """
+        return self._upper_body(self._generated_joints(batch))
+
+    def validation_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
+        """Sampled positions for the evaluation callback; counts wrist velocities and phases."""
+        generated = self._generated_joints(batch)
+        self._count(batch, generated)
+        return self._upper_body(generated)
+
+    def on_validation_epoch_start(self) -> None:
+        """Count anew."""
+        classifier = self._judging_classifier()
+        wrists = [self.layout.roles.index(f"{side}_wrist") for side in ("left", "right")]
+        classes = () if classifier is None else classifier.classes
+        self._judge, self._tally = classifier, Tally(wrists, self.window.fps, classes)
+
+    def on_validation_epoch_end(self) -> None:
+        """Log what was counted."""
+        self._log_tally("val")
+
+    def on_test_epoch_start(self) -> None:
+        """As for validation."""
+        self.on_validation_epoch_start()
+
+    def on_test_epoch_end(self) -> None:
+        """As for validation."""
+        self._log_tally("test")
+
+    def _judging_classifier(self) -> FrozenPhaseClassifier | None:
+        if self.progress.stage == "classifier" and self.players.student is not None:
+            return self.players.student.frozen()
+        return self.views.classifier
+
+    def _count(self, batch: GestureBatch, generated: Tensor) -> None:
+        assert self._tally is not None
+        acoustics, real = batch.require("acoustics"), batch.require("joints")
+        for source, joints in (("generated", generated), ("real", real)):
+            phases = None
+            if self._judge is not None:
+                phases = classified(self._judge, self.layout, joints, acoustics)
+                if source == "real" and batch.phases is not None:
+                    classes = torch.tensor(self.merge.class_of, device=self.device)
+                    self._tally.add_labels(phases, classes[batch.phases[:, 1:]])
+            self._tally.add(source, joints, phases)
+
+    def _log_tally(self, stage: str) -> None:
+        assert self._tally is not None
+        values = {f"{stage}/{name}": value for name, value in self._tally.values().items()}
+        ready = self.progress.stage in ("adversarial", "finished")
+        gap = values[f"{stage}/wrist_speed_gap"]
+        values[f"{stage}/adversarial_gap"] = gap if ready else BEFORE_ADVERSARIAL
+        self.log_dict(values, sync_dist=True)
+        self._judge = self._tally = None
+
+    def _generated_joints(self, batch: GestureBatch) -> Tensor:
+        """``(B, T, J, 3)`` metres, without dropout."""
+        scales = self.players.scales
+        with self._evaluating():
+            poses = self.players.generator(scales.speech(batch.require("acoustics")))
+        return scales.joints(poses)
+
+    def _upper_body(self, joints: Tensor) -> Tensor:
+        upper_body = evaluation_joints(joints, self.layout, self.head)
+        return at_evaluation_rate(upper_body, self.window.fps)
+
+    def generate(
+        self,
+        speech: Speech,
+        speaker: str | None = None,
+        seed_motion: Motion | None = None,
+        controls: dict[str, Any] | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Motion:
+        """Upper-body motion for speech of any length (spec D 19; see `LongForm`).
+
+        Args:
+            speech: Waveform; words aren't read.
+            speaker: A training speaker's name; the motion doesn't depend on it.
+            seed_motion: Must be None: motion comes from speech alone.
+            controls: Must be empty: there are none.
+            generator: Not used: there is nothing to draw.
+
+        Returns:
+            ``ceil(duration * 20)`` frames at 20 fps on `UPPER_BODY`.
+
+        Raises:
+            CospeechError: An unknown speaker, a seed motion, a control, or a waveform with NaN.
+        """
+        if speaker is not None and speaker not in self.speakers:
+            known = ", ".join(self.speakers)
+            raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
+        if seed_motion is not None:
+            raise CospeechError("this method can't continue a motion", "leave seed_motion out")
+        if controls:
+            raise CospeechError(f"this method has no control {', '.join(sorted(controls))}")
+        joints = self._joints_of(speech)
+        upper_body = evaluation_joints(joints, self.layout, self.head)
+        return Motion(UPPER_BODY, self.window.fps, upper_body.cpu().numpy())
+
+    def generate_joints(self, speech: Speech) -> Motion:
+        """All gesturing joints, fingers included, for speech of any length.
+
+        Returns:
+            As many frames as `generate`, relative to the pelvis and facing +z, on a skeleton of the
+            joints' roles (`cospeech.motion.gesture_joints`), spine first.
+
+        Raises:
+            CospeechError: A waveform with NaN.
+        """
+        skeleton, order = gesture_skeleton(self.layout)
+        return Motion(skeleton, self.window.fps, self._joints_of(speech)[:, order].cpu().numpy())
+
+    @torch.no_grad()
+    def _joints_of(self, speech: Speech) -> Tensor:
+        features = torch.from_numpy(speech_features(speech, self.window.fps)).to(self.device)
+        scales, frames = self.players.scales, self.window.frames
+        if not len(features):
+            return scales.pose_mean[None][:0]
+        with self._evaluating():
+            poses = long_poses(
+                self.players.generator, scales.speech(features), frames, self.long_form
+            )
+        return scales.joints(poses)
+
+    @contextmanager
+    def _evaluating(self) -> Iterator[None]:
+        training = self.players.generator.training
+        self.players.generator.eval()
+        try:
+            yield
+        finally:
+            self.players.generator.train(training)
+
+
+class _EveryWindow:
+    """All windows of a dataset in their order, some runs at a time, as often as wanted."""
+
+    def __init__(self, dataset: WindowDataset | StepWindows) -> None:
+        self.dataset = dataset
+
+    def __iter__(self) -> Iterator[GestureBatch]:
+        count = len(self.dataset)
+        for first in range(0, count, _RUNS_AT_ONCE):
+            yield self.dataset.batch(range(first, min(first + _RUNS_AT_ONCE, count)))
+
+
+def _phase_sizes(sizes: dict[str, float] | None) -> PhaseSizes | None:
+    if sizes is None:
+        return None
+    known = [field.name for field in fields(PhaseSizes)]
+    if unknown := sorted(set(sizes) - set(known)):
+        raise ConfigError(
+            f"model.classifier_sizes has no {', '.join(unknown)}; there are {', '.join(known)}"
+        )
+    return PhaseSizes(**sizes)  # type: ignore[arg-type]
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ConfigError(f"model.{name}={value!r} is not one of {', '.join(choices)}")
+
+
+def _check_range(name: str, value: int, least: int, most: int | None = None) -> None:
+    if value < least or (most is not None and value > most):
+        wanted = f"at least {least}" if most is None else f"from {least} to {most}"
+        raise ConfigError(f"model.{name}={value}: must be {wanted}")

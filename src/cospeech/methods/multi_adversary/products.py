@@ -1,0 +1,89 @@
+"""What a stage leaves behind, in files that later runs of the same settings start from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from cospeech.errors import InputFileError
+
+logger = logging.getLogger(__name__)
+
+FORMAT = "cospeech.multi_adversary.product"
+VERSION = 1
+"""Counted up when a stage's code changes, as older products aren't what it would make."""
+
+
+def product_key(facts: Any) -> str:
+    """Hash of everything a product depends on, given as JSON values."""
+    text = json.dumps([VERSION, facts], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def tensors_hash(tensors: dict[str, Tensor]) -> str:
+    """Hash of names and values."""
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        digest.update(name.encode())
+        digest.update(tensors[name].detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()
+
+
+class Products:
+    """A folder of products, ``<stage>-<key>.pt``: plain tensors and values.
+
+    Args:
+        folder: Where they are; None keeps and finds nothing.
+    """
+
+    def __init__(self, folder: str | None) -> None:
+        self.folder = None if folder is None else Path(folder)
+
+    def path(self, stage: str, key: str) -> Path | None:
+        """Where the product of a stage is or would be."""
+        return None if self.folder is None else self.folder / f"{stage}-{key[:16]}.pt"
+
+    def keep(self, stage: str, key: str, content: dict[str, Any]) -> None:
+        """Write a product; the file appears only when complete."""
+        path = self.path(stage, key)
+        if path is None:
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            values = {"format": FORMAT, "key": key, "stage": stage, "content": content}
+            torch.save(values, temporary)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+        logger.info("%s is done; kept in %s", stage, path)
+
+    def find(self, stage: str, key: str) -> dict[str, Any] | None:
+        """The content of a product; None where there is none.
+
+        Raises:
+            InputFileError: The file is there but damaged or of something else.
+        """
+        path = self.path(stage, key)
+        if path is None or not path.is_file():
+            return None
+        hint = f"delete {path}: the stage then runs again"
+        try:
+            values = torch.load(path, map_location="cpu", weights_only=True)
+        except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
+            reason = str(error).strip().split("\n", 1)[0]
+            raise InputFileError(path, f"can't be read safely ({reason})", hint=hint) from error
+        found = values if isinstance(values, dict) else {}
+        if (found.get("format"), found.get("key"), found.get("stage")) != (FORMAT, key, stage):
+            raise InputFileError(path, f"not the product of {stage} that its name says", hint=hint)
+        content: dict[str, Any] = values["content"]
+        logger.info("%s was done before: taken from %s", stage, path)
+        return content

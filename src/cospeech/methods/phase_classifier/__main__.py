@@ -1,0 +1,112 @@
+"""``python -m cospeech.methods.phase_classifier``: label recordings, and score a classifier."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.corpus.splits import SPLITS
+from cospeech.corpus.store import Store
+from cospeech.errors import CospeechError
+from cospeech.formats.phase_files.writing import phase_segments, write_elan, write_phase_table
+from cospeech.methods.phase_classifier.judging import recording_scores
+from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
+from cospeech.motion.joint_map import find_joint_map
+from cospeech.motion.phases import PHASE_INDEX, PHASES
+from cospeech.nn.phase_classifier import FrozenPhaseClassifier
+from cospeech.speech.audio import load_audio
+from cospeech.speech.speech import Speech
+
+_PHASE_OF_CLASS = {"other": "none", "no_stroke": "none", "rest": "rest_hold"} | {
+    "retraction": "retract"
+}
+"""The annotation label that stands for a class made of several."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; the exit status.
+
+    Args:
+        arguments: Command line; that of the process when None.
+    """
+    given = _parser().parse_args(arguments)
+    logging.basicConfig(format="%(message)s")
+    try:
+        classifier = FrozenPhaseClassifier.load(given.classifier)
+        if given.command == "label":
+            _label(classifier, given.motion, given.audio, given.out)
+        else:
+            scores = recording_scores(classifier, Store(given.store), given.split)
+            print(scores.table(classifier.classes))
+    except CospeechError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _label(
+    classifier: FrozenPhaseClassifier, motion_file: Path, audio_file: Path | None, folder: Path
+) -> None:
+    if classifier.pitch and audio_file is None:
+        raise CospeechError(
+            "this classifier reads the pitch",
+            "give the recording's sound with --audio, or use one trained with model.pitch=false",
+        )
+    scale = find_joint_map(read_bvh_skeleton(motion_file)).unit_scale
+    motion = read_bvh(motion_file, unit_scale=scale)
+    speech = None if audio_file is None else Speech(load_audio(audio_file))
+    found = classifier.label(motion, speech)
+    segments = phase_segments(_as_phases(classifier, found), motion.fps)
+    # Different classes stand for different labels, so the segments are the same.
+    starts = np.flatnonzero(np.diff(found, prepend=-1))
+    names = [classifier.classes[index] for index in found[starts]]
+    table = folder / f"{motion_file.stem}.phases.csv"
+    document = folder / f"{motion_file.stem}.eaf"
+    write_phase_table(table, segments, names)
+    write_elan(document, segments, [] if audio_file is None else [audio_file])
+    counts = np.bincount(found, minlength=len(classifier.classes)) / len(found)
+    for name, share in zip(classifier.classes, counts, strict=True):
+        print(f"{name:16} {100 * share:5.1f} %")
+    print(f"\ntable: {table.resolve()}\nELAN:  {document.resolve()}")
+
+
+def _as_phases(classifier: FrozenPhaseClassifier, found: NDArray[np.int64]) -> NDArray[np.int64]:
+    names = [_PHASE_OF_CLASS.get(name, name) for name in classifier.classes]
+    return np.array([PHASE_INDEX[name] for name in names])[found]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m cospeech.methods.phase_classifier")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
+    label = commands.add_parser(
+        "label",
+        help="label a BVH file",
+        description="Write the gesture phases of a BVH file as a table and as an ELAN document."
+        f" The labels are those of annotation files ({', '.join(PHASES)}): the class 'other' is"
+        " written as 'none', and the table has the class itself beside it.",
+    )
+    label.add_argument("motion", type=Path, metavar="FILE.bvh")
+    label.add_argument("--audio", type=Path, metavar="FILE.wav", help="its sound")
+    label.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
+    score = commands.add_parser(
+        "score",
+        help="compare with a store's annotation",
+        description="Label whole annotated recordings of a prepared store and compare every frame.",
+    )
+    score.add_argument("store", type=Path, help="the store's folder (outputs/stores/...)")
+    score.add_argument("--split", choices=SPLITS, default="test")
+    for command in (label, score):
+        command.add_argument(
+            "--classifier", type=Path, required=True, help="phase_classifier.pt of a run"
+        )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
