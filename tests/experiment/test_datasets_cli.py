@@ -52,7 +52,7 @@ def ted_cache(root):
 
 
 def berkeley(root):
-    write_3d(root, "oliver", {"train": 12, "dev": 3, "test": 2})
+    write_3d(root, "oliver", {"train_noduplication": 12, "dev_noduplication": 3, "test": 2})
     return root
 
 
@@ -75,7 +75,7 @@ def beat(root):
 
 
 def zeggs(root):
-    names = {"001_Neutral_0_x_1_0": False, "005_Happy_4_x_1_0": True}
+    names = {"001_Neutral_0": False, "005_Happy_4": True}
     return write_zeggs(root, names, seconds=9.0)
 
 

@@ -38,14 +38,8 @@ def store(recordings, tmp_path_factory):
         for recording in recordings:
             writer.add(recording)
         frames = writer.columns()["frames"]
-        last = len(frames) - 1
-        half = frames[last] // 2
-        spans = {
-            "train": [Span(i, 0, frames[i]) for i in range(last)],
-            "val": [Span(last, 0, half)],
-            "test": [Span(last, half, frames[last])],
-        }
-        return writer.finish(spans)
+        every = [Span(i, 0, count) for i, count in enumerate(frames)]
+        return writer.finish({"train": every[:-6], "val": every[-6:-3], "test": every[-3:]})
 
 
 def build(store, seed=0, **settings):
@@ -82,8 +76,9 @@ def fit(model, store, folder, epochs, **options):
 @pytest.fixture(scope="module")
 def trained(store, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
-    model = build(store, pitch=False)
-    trainer = fit(model, store, folder, epochs=6)
+    quick = {"learning_rate": 5e-3, "dense_dropout": 0.0, "recurrent_dropout": 0.1}
+    model = build(store, pitch=False, **quick)
+    trainer = fit(model, store, folder, epochs=12)
     return model, trainer, folder
 
 
@@ -129,9 +124,7 @@ def test_a_resumed_run_is_the_uninterrupted_one(store, tmp_path):
     fit(first, store, tmp_path / "cut", epochs=2).save_checkpoint(tmp_path / "cut.ckpt")
     second = build(store, seed=9, pitch=False)
     fit(second, store, tmp_path / "cut", epochs=3, ckpt_path=tmp_path / "cut.ckpt")
-    for (name, a), b in zip(
-        whole.state_dict().items(), second.state_dict().values(), strict=True
-    ):
+    for (name, a), b in zip(whole.state_dict().items(), second.state_dict().values(), strict=True):
         assert torch.equal(a, b), name
 
 
@@ -183,9 +176,9 @@ def test_choices_that_there_are_not_are_refused(store):
 
 
 def test_pieces_validate_and_training_windows_don_t_touch_them(store):
-    model = build(store, pitch=False, protocol="pieces", pieces=3, pieces_seed=5)
+    model = build(store, pitch=False, protocol="pieces", pieces=5, piece_s=12, pieces_seed=5)
     pieces = model.spans(store, "val")
-    assert len(pieces) == 3
+    assert len(pieces) == 5
     assert model.spans(store, "test") == store.splits["test"]
     training, validation = (model.windows(store, split) for split in ("train", "val"))
     assert validation.spec.run == 1
@@ -195,6 +188,7 @@ def test_pieces_validate_and_training_windows_don_t_touch_them(store):
         starts = training.times_s[training.starts][here]
         before, after = starts + length < piece.start / 15, starts >= piece.stop / 15 - 1e-9
         assert (before | after).all()
+    assert len(validation) == 10
     for row in validation.starts:
         inside = [
             piece.start / 15 <= validation.times_s[row]
@@ -269,7 +263,10 @@ def test_the_command_line_says_what_is_missing(store, trained, recordings, tmp_p
     files = [str(tmp_path / "take.bvh"), "--classifier", str(tmp_path / "with_pitch.pt")]
     assert main(["label", *files, "--out", str(tmp_path)]) == 1
     assert "--audio" in capsys.readouterr().err
-    assert main(["score", str(store.path), "--classifier", str(trained[2] / "phase_classifier.pt")]) == 0
+    assert (
+        main(["score", str(store.path), "--classifier", str(trained[2] / "phase_classifier.pt")])
+        == 0
+    )
     assert "weighted F" in capsys.readouterr().out
 
 

@@ -32,7 +32,8 @@ def validation_pieces(
         (training spans, pieces), in order of recording and time.
 
     Raises:
-        ConfigError: The pieces would take more than half of it, or the next one has no room.
+        ConfigError: The pieces would take more than half of it, or no stretch is long enough for
+            the next one.
     """
     frames = round(piece_s * EVALUATION_FPS)
     total = sum(span.stop - span.start for span in spans)
@@ -42,9 +43,10 @@ def validation_pieces(
         room = np.array([max(0, span.stop - span.start - frames + 1) for span in rest])
         if 2 * count * frames > total or not room.sum():
             raise ConfigError(
-                f"{count} pieces of {piece_s:g} s don't fit into"
-                f" {total / EVALUATION_FPS / 60:.1f} min and leave half of them for training",
-                "use a longer corpus, or leave recordings out (model.protocol=split)",
+                f"{count} pieces of {piece_s:g} s don't fit into {len(spans)} recordings of"
+                f" {total / EVALUATION_FPS / 60:.1f} min in all and leave half for training",
+                "use a longer corpus or smaller pieces (model.pieces, model.piece_s), or leave"
+                " recordings out (model.protocol=split)",
             )
         place = int(generator.integers(room.sum()))
         index = int(np.searchsorted(np.cumsum(room), place, side="right"))

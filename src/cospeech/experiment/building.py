@@ -45,7 +45,7 @@ def require_same(known: str | None, now: str, what: str) -> None:
         raise ConfigError(
             f"{what} has changed since this run was made ({known[:10]} -> {now[:10]}), so its"
             " numbers would not belong together",
-            "put the old files back, or start a new run",
+            "put the old files back (or the version of Cospeech that made it), or start a new run",
         )
 
 

@@ -117,7 +117,7 @@ def multi_adversary_figures(
             name=REAL,
             windows=held_out.windows.batch(chosen).require("joints").numpy(),
             recordings=real_recordings,
-            side_by_side=[joints[: len(joints) // FRAMES * FRAMES] for joints in real_recordings],
+            side_by_side=real_recordings,
             phases=phases_of(real_recordings),
             border_frames=FRAMES,
             fgd=floor,

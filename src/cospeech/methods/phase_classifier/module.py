@@ -18,7 +18,7 @@ from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.splits import Span
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.store import Store
-from cospeech.corpus.validation_pieces import validation_pieces
+from cospeech.corpus.validation_pieces import PIECE_S, PIECES, validation_pieces
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError
 from cospeech.methods.phase_classifier.confusion_picture import confusion_pixels, confusion_svg
@@ -68,9 +68,10 @@ class PhaseClassifier(LightningModule):
         mirror: Whether half of the training windows are seen in a mirror; for small corpora.
         run: Neighbouring windows that training windows are cut from, at random places. 1: windows
             begin every 2.5 s.
-        protocol: ``"split"``: the store's validation split. ``"pieces"``: random pieces of 30 s of
+        protocol: ``"split"``: the store's validation split. ``"pieces"``: random pieces of the
             training and validation recordings validate (the paper's).
         pieces: How many.
+        piece_s: Length of each, s.
         pieces_seed: Seed of their places, apart from the run's.
         dense: Units of the dense layer; None for ours, which depend on the number of classes.
         recurrent: Units of the forward LSTM; None for ours.
@@ -103,7 +104,8 @@ class PhaseClassifier(LightningModule):
         mirror: bool = False,
         run: int = 2,
         protocol: Protocol = "split",
-        pieces: int = 13,
+        pieces: int = PIECES,
+        piece_s: float = PIECE_S,
         pieces_seed: int = 0,
         dense: int | None = None,
         recurrent: int | None = None,
@@ -121,7 +123,7 @@ class PhaseClassifier(LightningModule):
         self.merge = PHASE_MERGES[classes]
         self.joint_set: JointSet = joints
         self.mirror, self.protocol = mirror, protocol
-        self.pieces, self.pieces_seed = pieces, pieces_seed
+        self.pieces, self.piece_s, self.pieces_seed = pieces, piece_s, pieces_seed
         self.learning_rate, self.clip_norm = learning_rate, clip_norm
         stride = WINDOW_FRAMES if run > 1 else WINDOW_FRAMES // 2
         self.window = replace(self.window, stride=stride, run=run)
@@ -176,7 +178,7 @@ class PhaseClassifier(LightningModule):
             )
             if all(column[span.recording] for column in wanted)
         ]
-        training, pieces = validation_pieces(usable, self.pieces_seed, self.pieces)
+        training, pieces = validation_pieces(usable, self.pieces_seed, self.pieces, self.piece_s)
         return training if split == "train" else pieces
 
     def forward(self, joints: Tensor, pitch: Tensor | None = None) -> Tensor:
@@ -322,6 +324,7 @@ class PhaseClassifier(LightningModule):
         title = f"{stage}, epoch {self.current_epoch}: weighted F {scores.weighted_f:.3f}"
         picture = confusion_svg(scores.confusion, self.merge.classes, title)
         path = Path(self.trainer.default_root_dir) / f"confusion_{stage}.svg"
+        path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_suffix(".tmp")
         temporary.write_text(picture, encoding="utf-8")
         temporary.replace(path)

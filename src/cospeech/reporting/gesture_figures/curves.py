@@ -116,13 +116,14 @@ def _names(
 ) -> list[str]:
     """Names at the right, each near its line's end, none over another."""
     order = sorted(ends, key=lambda name: ends[name])
+    apart = min(_LABEL_APART, (floor - top) / max(1, len(order) - 1))
     places: list[float] = []
     for name in order:
-        low = places[-1] + _LABEL_APART if places else top
+        low = places[-1] + apart if places else top
         places.append(max(ends[name], low))
     overflow = places[-1] - floor
     for i in range(len(places) - 1, -1, -1):
-        limit = floor if i == len(places) - 1 else places[i + 1] - _LABEL_APART
+        limit = floor if i == len(places) - 1 else places[i + 1] - apart
         places[i] = min(places[i], limit) if overflow > 0 else places[i]
     parts = []
     for name, y in zip(order, places, strict=True):
@@ -144,7 +145,8 @@ def _names(
 def range_chart(systems: Sequence[SystemStatistics], looks: dict[str, Look]) -> str:
     """Range of each window as a point, quartiles as a box, one column per system, in SVG.
 
-    Training seeds have their points side by side, and one box together. The dashed line is real's median.
+    Training seeds have their points side by side, and one box together. The dashed line is the
+    median of real motion.
     """
     values = {system.name: _CM * system.ranges for system in systems}
     lowest = min(float(v.min()) for v in values.values())
