@@ -1,6 +1,7 @@
 """Tiny multi-adversary trainings, for the tests."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import torch
@@ -67,8 +68,13 @@ def loader(method, store, split, runs=4):
     spec = method.window
     if not training:
         spec = dataclasses.replace(spec, run=1, stride=spec.frames)
-    windows = StepWindows(store, split, spec, method.needs, training)
+    windows = _windows(store, split, spec, method.needs, training)
     return WindowLoader(windows, runs, seed=0, shuffle=training, drop_last=training)
+
+
+@functools.lru_cache
+def _windows(store, split, spec, needs, training):
+    return StepWindows(store, split, spec, needs, training)
 
 
 class SaveAt(Callback):

@@ -1,6 +1,7 @@
 """The schedule as pure values."""
 
 import json
+from itertools import pairwise
 
 import pytest
 
@@ -99,5 +100,5 @@ def test_snapshots_are_spaced_evenly_in_their_logarithm():
     twenty = snapshot_steps(5000, 20)
     assert (twenty[0], twenty[-1]) == (0, 5000)
     assert list(twenty) == sorted(set(twenty))
-    ratios = [b / a for a, b in zip(twenty[10:], twenty[11:], strict=False)]
+    ratios = [b / a for a, b in pairwise(twenty[10:])]
     assert ratios == pytest.approx([5000 ** (1 / 18)] * len(ratios), rel=0.02)

@@ -223,7 +223,7 @@ def test_long_durations_end_in_an_arrow_and_missing_ones_are_named():
 def test_the_numbers_are_in_the_tables(systems):
     looks = looks_of([s.name for s in systems])
     table = numbers_table(systems, looks)
-    assert "<td>20.0<small>20.0 to 20.0</small><small>1.00 cm per frame</small></td>" in table
+    assert "<td>20.0<small>20.0 to 20.0</small><small>1.00 cm/frame</small></td>" in table
     assert "no minibatch &gt; real &gt; full model" in table
     text = text_table(systems, judge(systems))
     (velocity,) = [line for line in text.splitlines() if line.startswith("wrist velocity")]

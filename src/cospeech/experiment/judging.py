@@ -13,6 +13,7 @@ from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.evaluation import evaluate_recordings, reference_rows
 from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
+from cospeech.experiment.comparing import compare_runs
 from cospeech.experiment.context import RunInterrupted
 from cospeech.methods.base import GestureMethod
 from cospeech.reporting.corpus_report import write_corpus_report
@@ -81,6 +82,8 @@ def evaluate(cfg: DictConfig) -> Any:
             "say what to evaluate",
             "python evaluate.py run=outputs/runs/ID, or python evaluate.py study=fgd_noise",
         )
+    if "runs" in cfg:
+        return compare_runs(cfg, folder)
     if cfg.run is None:
         data = build(cfg.data)
         store = data.prepare_store()

@@ -13,6 +13,7 @@ from cospeech.metrics.gesture_statistics.wrists import (
     median_curve,
     wrist_velocities,
 )
+from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 
 
 class Tally:
@@ -21,13 +22,16 @@ class Tally:
     Args:
         wrists: Indices of both wrists.
         fps: Steps per second.
-        classes: Names of the phases; empty where nothing tells them.
+        classifier: Tells the phases; None where nothing does.
     """
 
-    def __init__(self, wrists: Sequence[int], fps: float, classes: Sequence[str]) -> None:
-        self.wrists, self.fps, self.classes = list(wrists), fps, list(classes)
+    def __init__(
+        self, wrists: Sequence[int], fps: float, classifier: FrozenPhaseClassifier | None
+    ) -> None:
+        self.wrists, self.fps, self.classifier = list(wrists), fps, classifier
+        self.classes = () if classifier is None else classifier.classes
         self._velocities: dict[str, list[np.ndarray]] = {"generated": [], "real": []}
-        self._steps = {name: torch.zeros(len(classes)) for name in self._velocities}
+        self._steps = {name: torch.zeros(len(self.classes)) for name in self._velocities}
         self._right, self._labelled = 0, 0
 
     def add(self, source: str, joints: Tensor, phases: Tensor | None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any, ClassVar, cast, get_args
 
@@ -17,16 +16,14 @@ from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
-from cospeech.errors import ConfigError, CospeechError
-from cospeech.methods.base import GestureMethod
+from cospeech.errors import ConfigError
 from cospeech.methods.multi_adversary.adversaries import (
     Labels,
     Views,
     checked_settings,
-    classified,
 )
+from cospeech.methods.multi_adversary.generation import GeneratesGestures
 from cospeech.methods.multi_adversary.history import WeightHistory
-from cospeech.methods.multi_adversary.judging import Tally
 from cospeech.methods.multi_adversary.keeping import (
     DEPENDS_ON,
     StageProducts,
@@ -47,21 +44,13 @@ from cospeech.methods.multi_adversary.stages import (
 from cospeech.methods.multi_adversary.steps import Logs, StageSteps, StepSettings
 from cospeech.methods.multi_adversary.synthesis import (
     LongForm,
-    at_evaluation_rate,
-    evaluation_joints,
-    gesture_skeleton,
     head_offsets,
-    long_poses,
-    speech_features,
 )
 from cospeech.motion.gesture_joints import gesture_joints
-from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASE_MERGES
 from cospeech.motion.skeleton import Skeleton
-from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.nn.phase_classifier import WINDOW_FRAMES, FrozenPhaseClassifier
 from cospeech.nn.phase_network import STEP_FPS, PhaseSizes
-from cospeech.speech.speech import Speech
 
 logger = logging.getLogger(__name__)
 
@@ -72,14 +61,11 @@ LONGEST_RUN = 4
 """Consecutive windows of a batch: with more, batch norm and the minibatch adversary would see
 little else than one moment of one take (spec B.7, trap 7)."""
 
-BEFORE_ADVERSARIAL = 1e9
-"""The selecting value of epochs whose generator isn't the one wanted yet."""
-
 _STATE = "multi_adversary"
 _RUNS_AT_ONCE = 64
 
 
-class MultiAdversary(GestureMethod):
+class MultiAdversary(GeneratesGestures):
     """GAN of Ferstl et al. 2020: prosody to 3-D gestures, judged by up to four adversaries.
 
     One training goes through the stages ``classifier``, ``pretraining``, ``phase_curriculum``,
@@ -130,7 +116,6 @@ class MultiAdversary(GestureMethod):
 
     window = WindowSpec(fps=STEP_FPS, frames=WINDOW_FRAMES, seed_frames=0, stride=200, run=4)
     needs = frozenset({"joints", "acoustics", "positions"})
-    head: Tensor
     monitor: ClassVar[str] = "val/adversarial_gap"
 
     def __init__(
@@ -267,8 +252,6 @@ class MultiAdversary(GestureMethod):
         self.progress = Progress(self.schedule.first())
         self.done: frozenset[Stage] = frozenset()
         self._data: dict[str, Any] | None = None
-        self._tally: Tally | None = None
-        self._judge: FrozenPhaseClassifier | None = None
 
     # Where the training stands ---------------------------------------------------------------
 
@@ -475,146 +458,14 @@ class MultiAdversary(GestureMethod):
             self._end_stage()
         return logs
 
-    # Judging and synthesis -------------------------------------------------------------------
-
-    @torch.no_grad()
-    def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
-        """One window per item at the evaluation rate, ``(B, 75, 10, 3)``.
-
-        There is nothing to draw: ``generator`` isn't used, and the same speech gives the same
-        motion.
-        """
-        return self._upper_body(self._generated_joints(batch))
-
-    def validation_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
-        """Sampled positions for the evaluation callback; counts wrist velocities and phases."""
-        generated = self._generated_joints(batch)
-        self._count(batch, generated)
-        return self._upper_body(generated)
-
-    def on_validation_epoch_start(self) -> None:
-        """Count anew."""
-        classifier = self._judging_classifier()
-        wrists = [self.layout.roles.index(f"{side}_wrist") for side in ("left", "right")]
-        classes = () if classifier is None else classifier.classes
-        self._judge, self._tally = classifier, Tally(wrists, self.window.fps, classes)
-
-    def on_validation_epoch_end(self) -> None:
-        """Log what was counted."""
-        self._log_tally("val")
-
-    def on_test_epoch_start(self) -> None:
-        """As for validation."""
-        self.on_validation_epoch_start()
-
-    def on_test_epoch_end(self) -> None:
-        """As for validation."""
-        self._log_tally("test")
-
     def _judging_classifier(self) -> FrozenPhaseClassifier | None:
         if self.progress.stage == "classifier" and self.players.student is not None:
             return self.players.student.frozen()
         return self.views.classifier
 
-    def _count(self, batch: GestureBatch, generated: Tensor) -> None:
-        assert self._tally is not None
-        acoustics, real = batch.require("acoustics"), batch.require("joints")
-        for source, joints in (("generated", generated), ("real", real)):
-            phases = None
-            if self._judge is not None:
-                phases = classified(self._judge, self.layout, joints, acoustics)
-                if source == "real" and batch.phases is not None:
-                    classes = torch.tensor(self.merge.class_of, device=self.device)
-                    self._tally.add_labels(phases, classes[batch.phases[:, 1:]])
-            self._tally.add(source, joints, phases)
-
-    def _log_tally(self, stage: str) -> None:
-        assert self._tally is not None
-        values = {f"{stage}/{name}": value for name, value in self._tally.values().items()}
-        ready = self.progress.stage in ("adversarial", "finished")
-        gap = values[f"{stage}/wrist_speed_gap"]
-        values[f"{stage}/adversarial_gap"] = gap if ready else BEFORE_ADVERSARIAL
-        self.log_dict(values, sync_dist=True)
-        self._judge = self._tally = None
-
-    def _generated_joints(self, batch: GestureBatch) -> Tensor:
-        """``(B, T, J, 3)`` metres, without dropout."""
-        scales = self.players.scales
-        with self._evaluating():
-            poses = self.players.generator(scales.speech(batch.require("acoustics")))
-        return scales.joints(poses)
-
-    def _upper_body(self, joints: Tensor) -> Tensor:
-        upper_body = evaluation_joints(joints, self.layout, self.head)
-        return at_evaluation_rate(upper_body, self.window.fps)
-
-    def generate(
-        self,
-        speech: Speech,
-        speaker: str | None = None,
-        seed_motion: Motion | None = None,
-        controls: dict[str, Any] | None = None,
-        generator: torch.Generator | None = None,
-    ) -> Motion:
-        """Upper-body motion for speech of any length (spec D 19; see `LongForm`).
-
-        Args:
-            speech: Waveform; words aren't read.
-            speaker: A training speaker's name; the motion doesn't depend on it.
-            seed_motion: Must be None: motion comes from speech alone.
-            controls: Must be empty: there are none.
-            generator: Not used: there is nothing to draw.
-
-        Returns:
-            ``ceil(duration * 20)`` frames at 20 fps on `UPPER_BODY`.
-
-        Raises:
-            CospeechError: An unknown speaker, a seed motion, a control, or a waveform with NaN.
-        """
-        if speaker is not None and speaker not in self.speakers:
-            known = ", ".join(self.speakers)
-            raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
-        if seed_motion is not None:
-            raise CospeechError("this method can't continue a motion", "leave seed_motion out")
-        if controls:
-            raise CospeechError(f"this method has no control {', '.join(sorted(controls))}")
-        joints = self._joints_of(speech)
-        upper_body = evaluation_joints(joints, self.layout, self.head)
-        return Motion(UPPER_BODY, self.window.fps, upper_body.cpu().numpy())
-
-    def generate_joints(self, speech: Speech) -> Motion:
-        """All gesturing joints, fingers included, for speech of any length.
-
-        Returns:
-            As many frames as `generate`, relative to the pelvis and facing +z, on a skeleton of the
-            joints' roles (`cospeech.motion.gesture_joints`), spine first.
-
-        Raises:
-            CospeechError: A waveform with NaN.
-        """
-        skeleton, order = gesture_skeleton(self.layout)
-        return Motion(skeleton, self.window.fps, self._joints_of(speech)[:, order].cpu().numpy())
-
-    @torch.no_grad()
-    def _joints_of(self, speech: Speech) -> Tensor:
-        features = torch.from_numpy(speech_features(speech, self.window.fps)).to(self.device)
-        scales, frames = self.players.scales, self.window.frames
-        if not len(features):
-            return scales.pose_mean[None][:0]
-        with self._evaluating():
-            poses = long_poses(
-                self.players.generator, scales.speech(features), frames, self.long_form
-            )
-        return scales.joints(poses)
-
-    @contextmanager
-    def _evaluating(self) -> Iterator[None]:
-        training = self.players.generator.training
-        self.players.generator.eval()
-        try:
-            yield
-        finally:
-            self.players.generator.train(training)
+    @property
+    def _generator_is_final(self) -> bool:
+        return self.progress.stage in ("adversarial", "finished")
 
 
 class _EveryWindow:

@@ -16,8 +16,8 @@ from cospeech.errors import CospeechError
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.joint_map import EVALUATION_JOINTS
 from cospeech.motion.skeleton import Skeleton
+from cospeech.speech.feature_sets.opensmile import COEFFICIENTS, opensmile_features
 from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
-from cospeech.speech.feature_sets.opensmile import opensmile_features
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 
 LongForm = Literal["crossfade", "carry", "reset"]
@@ -45,9 +45,12 @@ def speech_features(speech: Speech, fps: float) -> NDArray[np.float32]:
     """
     if not np.isfinite(speech.waveform).all():
         raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
+    if not len(speech.waveform):
+        return np.zeros((0, COEFFICIENTS + 1), dtype=np.float32)
     count = math.ceil(len(speech.waveform) / SAMPLE_RATE * fps - 1e-9)
     features = opensmile_features(speech.waveform)
     if not len(features):
+        # Shorter than a frame of 20 ms: what is there, then silence.
         features = opensmile_features(speech.waveform, frames=1)
     rows = np.rint(np.arange(count) / fps * FEATURE_FPS).astype(np.int64)
     return features[rows.clip(max=len(features) - 1)]

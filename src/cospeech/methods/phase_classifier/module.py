@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -19,6 +20,7 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.store import Store
 from cospeech.corpus.validation_pieces import PIECE_S, PIECES, validation_pieces
+from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError
 from cospeech.methods.phase_classifier.confusion_picture import confusion_pixels, confusion_svg
@@ -190,8 +192,10 @@ class PhaseClassifier(LightningModule):
         """Take the statistics of the training part, once."""
         if self.features.fitted:
             return
-        dataset = self.trainer.train_dataloader.dataset
-        self.features.fit(self._statistics_windows(dataset))
+        loader = self.trainer.train_dataloader
+        assert isinstance(loader, WindowLoader)
+        assert isinstance(loader.dataset, StepWindows)
+        self.features.fit(self._statistics_windows(loader.dataset))
         logger.info("statistics of %d steps", int(self.features.steps))
 
     def training_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
@@ -317,25 +321,14 @@ class PhaseClassifier(LightningModule):
         # The matrix was summed over all processes: each logs the same.
         self.log_dict({f"{stage}/{name}": value for name, value in values.items()})
         if self.trainer.is_global_zero and not self.trainer.sanity_checking:
-            self._show(stage, scores)
+            show_confusion(
+                scores,
+                self.merge.classes,
+                f"{stage}, epoch {self.current_epoch}",
+                Path(self.trainer.default_root_dir) / f"confusion_{stage}.svg",
+                {name: (self.loggers, self.current_epoch) for name in ()},
+            )
         return scores
-
-    def _show(self, stage: str, scores: PhaseScores) -> None:
-        title = f"{stage}, epoch {self.current_epoch}: weighted F {scores.weighted_f:.3f}"
-        picture = confusion_svg(scores.confusion, self.merge.classes, title)
-        path = Path(self.trainer.default_root_dir) / f"confusion_{stage}.svg"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(".tmp")
-        temporary.write_text(picture, encoding="utf-8")
-        temporary.replace(path)
-        pixels = confusion_pixels(scores.confusion)
-        for experiment_logger in self.loggers:
-            if hasattr(experiment_logger, "log_image"):  # Weights & Biases
-                experiment_logger.log_image(f"{stage}/confusion", [pixels])
-            elif hasattr(experiment_logger.experiment, "add_image"):  # TensorBoard
-                experiment_logger.experiment.add_image(
-                    f"{stage}/confusion", pixels, self.current_epoch, dataformats="HWC"
-                )
 
 
 def _roles(corpus: CorpusFacts, joints: JointSet) -> tuple[tuple[str, ...], list[int]]:

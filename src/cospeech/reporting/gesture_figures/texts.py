@@ -143,7 +143,7 @@ def _cell(system: SystemStatistics, statistic: Statistic) -> str:
         low, high = (shown(factor * end) for end in interval)
         text += f"<small>{low} to {high}</small>"
     if statistic.key == "velocity":
-        text += f"<small>{shown(factor * estimate.value / _STEPS_PER_SECOND)} cm per frame</small>"
+        text += f"<small>{shown(factor * estimate.value / _STEPS_PER_SECOND)} cm/frame</small>"
     if len(system.seeds) > 1:
         seeds = " · ".join(shown(factor * e.value) for e in system.by_seed[statistic.key])
         text += f'<small class="seeds">{seeds}</small>'

@@ -1,0 +1,195 @@
+"""What is made with the generator: samples, motion for speech of any length, and its judging."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from cospeech.corpus.batch import GestureBatch
+from cospeech.errors import CospeechError
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.multi_adversary.adversaries import classified
+from cospeech.methods.multi_adversary.judging import Tally
+from cospeech.methods.multi_adversary.players import Players
+from cospeech.methods.multi_adversary.synthesis import (
+    LongForm,
+    at_evaluation_rate,
+    evaluation_joints,
+    gesture_skeleton,
+    long_poses,
+    speech_features,
+)
+from cospeech.motion.gesture_joints import GestureJoints
+from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.nn.phase_classifier import FrozenPhaseClassifier
+from cospeech.speech.speech import Speech
+
+BEFORE_ADVERSARIAL = 1e9
+"""The selecting value of epochs whose generator isn't the one wanted yet."""
+
+
+class GeneratesGestures(GestureMethod):
+    """A generator at work; how it is trained is its subclass's.
+
+    Attributes:
+        players: Hold the generator and the scales.
+        layout: The gesturing joints.
+        speakers: Of the training.
+        long_form: How speech longer than a window is made.
+        head: ``(2, 3)`` offsets of nose and head from the neck, metres.
+    """
+
+    players: Players
+    layout: GestureJoints
+    speakers: list[str]
+    long_form: LongForm
+    head: Tensor
+
+    _tally: Tally | None = None
+
+    @torch.no_grad()
+    def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
+        """One window per item at the evaluation rate, ``(B, 75, 10, 3)``.
+
+        There is nothing to draw: ``generator`` isn't used, and the same speech gives the same
+        motion.
+        """
+        return self._upper_body(self._generated_joints(batch))
+
+    def validation_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
+        """Sampled positions for the evaluation callback; counts wrist velocities and phases."""
+        generated = self._generated_joints(batch)
+        self._count(batch, generated)
+        return self._upper_body(generated)
+
+    def on_validation_epoch_start(self) -> None:
+        """Count anew."""
+        wrists = [self.layout.roles.index(f"{side}_wrist") for side in ("left", "right")]
+        self._tally = Tally(wrists, self.window.fps, self._judging_classifier())
+
+    def on_validation_epoch_end(self) -> None:
+        """Log what was counted."""
+        self._log_tally("val")
+
+    def on_test_epoch_start(self) -> None:
+        """As for validation."""
+        self.on_validation_epoch_start()
+
+    def on_test_epoch_end(self) -> None:
+        """As for validation."""
+        self._log_tally("test")
+
+    @abstractmethod
+    def _judging_classifier(self) -> FrozenPhaseClassifier | None:
+        """What tells phases at the moment; None where nothing does."""
+
+    @property
+    @abstractmethod
+    def _generator_is_final(self) -> bool:
+        """Whether the generator is the one that the training is for."""
+
+    def _count(self, batch: GestureBatch, generated: Tensor) -> None:
+        tally = self._tally
+        assert tally is not None
+        acoustics, real = batch.require("acoustics"), batch.require("joints")
+        for source, joints in (("generated", generated), ("real", real)):
+            phases = None
+            if tally.classifier is not None:
+                phases = classified(tally.classifier, self.layout, joints, acoustics)
+                if source == "real" and batch.phases is not None:
+                    classes = torch.tensor(tally.classifier.merge.class_of, device=self.device)
+                    tally.add_labels(phases, classes[batch.phases[:, 1:]])
+            tally.add(source, joints, phases)
+
+    def _log_tally(self, stage: str) -> None:
+        assert self._tally is not None
+        values = {f"{stage}/{name}": value for name, value in self._tally.values().items()}
+        gap = values[f"{stage}/wrist_speed_gap"]
+        values[f"{stage}/adversarial_gap"] = gap if self._generator_is_final else BEFORE_ADVERSARIAL
+        self.log_dict(values, sync_dist=True)
+        self._tally = None
+
+    def _generated_joints(self, batch: GestureBatch) -> Tensor:
+        """``(B, T, J, 3)`` metres, without dropout."""
+        scales = self.players.scales
+        with self._evaluating():
+            poses = self.players.generator(scales.speech(batch.require("acoustics")))
+        return scales.joints(poses)
+
+    def _upper_body(self, joints: Tensor) -> Tensor:
+        upper_body = evaluation_joints(joints, self.layout, self.head)
+        return at_evaluation_rate(upper_body, self.window.fps)
+
+    def generate(
+        self,
+        speech: Speech,
+        speaker: str | None = None,
+        seed_motion: Motion | None = None,
+        controls: dict[str, Any] | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Motion:
+        """Upper-body motion for speech of any length (spec D 19; see `LongForm`).
+
+        Args:
+            speech: Waveform; words aren't read.
+            speaker: A training speaker's name; the motion doesn't depend on it.
+            seed_motion: Must be None: motion comes from speech alone.
+            controls: Must be empty: there are none.
+            generator: Not used: there is nothing to draw.
+
+        Returns:
+            ``ceil(duration * 20)`` frames at 20 fps on `UPPER_BODY`.
+
+        Raises:
+            CospeechError: An unknown speaker, a seed motion, a control, or a waveform with NaN.
+        """
+        if speaker is not None and speaker not in self.speakers:
+            known = ", ".join(self.speakers)
+            raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
+        if seed_motion is not None:
+            raise CospeechError("this method can't continue a motion", "leave seed_motion out")
+        if controls:
+            raise CospeechError(f"this method has no control {', '.join(sorted(controls))}")
+        joints = self._joints_of(speech)
+        upper_body = evaluation_joints(joints, self.layout, self.head)
+        return Motion(UPPER_BODY, self.window.fps, upper_body.cpu().numpy())
+
+    def generate_joints(self, speech: Speech) -> Motion:
+        """All gesturing joints, fingers included, for speech of any length.
+
+        Returns:
+            As many frames as `generate`, relative to the pelvis and facing +z, on a skeleton of the
+            joints' roles (`cospeech.motion.gesture_joints`), spine first.
+
+        Raises:
+            CospeechError: A waveform with NaN.
+        """
+        skeleton, order = gesture_skeleton(self.layout)
+        return Motion(skeleton, self.window.fps, self._joints_of(speech)[:, order].cpu().numpy())
+
+    @torch.no_grad()
+    def _joints_of(self, speech: Speech) -> Tensor:
+        features = torch.from_numpy(speech_features(speech, self.window.fps)).to(self.device)
+        scales, frames = self.players.scales, self.window.frames
+        if not len(features):
+            return scales.pose_mean[None][:0]
+        with self._evaluating():
+            poses = long_poses(
+                self.players.generator, scales.speech(features), frames, self.long_form
+            )
+        return scales.joints(poses)
+
+    @contextmanager
+    def _evaluating(self) -> Iterator[None]:
+        training = self.players.generator.training
+        self.players.generator.eval()
+        try:
+            yield
+        finally:
+            self.players.generator.train(training)
