@@ -12,7 +12,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from filelock import FileLock, Timeout
 from lightning import LightningDataModule
@@ -25,8 +25,8 @@ from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordin
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.window_loader import WindowLoader, open_windows
-from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset, WindowSpec
+from cospeech.corpus.window_loader import WindowLoader, WindowReader, open_windows
+from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.joint_map import JointMap
 from cospeech.progress import progress_bar
@@ -86,7 +86,7 @@ class StoreDataModule(LightningDataModule):
                 raise ConfigError(f"data.{name}={value}: a number of at least 1, or null")
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
-        self._window: tuple[WindowSpec, frozenset[str]] | None = None
+        self._reader: WindowReader | None = None
         self._datasets: dict[str, WindowDataset | StepWindows] = {}
 
     @property
@@ -261,20 +261,20 @@ class StoreDataModule(LightningDataModule):
 
     def attach(self, method: WindowReader) -> None:
         """Serve the windows that a method works on."""
-        self._window = (method.window, method.needs)
+        self._reader = method
         self._datasets = {}
 
     @property
     def needs(self) -> frozenset[str]:
         """Batch fields that the attached method reads."""
-        return frozenset() if self._window is None else self._window[1]
+        return frozenset() if self._reader is None else self._reader.needs
 
     def dataset(self, split: str) -> WindowDataset | StepWindows:
         """The fixed windows of one split for the attached method, made once."""
-        if self._window is None:
+        if self._reader is None:
             raise RuntimeError("call attach(method) before asking for windows")
         if split not in self._datasets:
-            self._datasets[split] = open_windows(self.prepare_store(), split, *self._window)
+            self._datasets[split] = open_windows(self.prepare_store(), split, self._reader)
         return self._datasets[split]
 
     def _loader(self, split: str, shuffle: bool) -> WindowLoader:
@@ -306,10 +306,3 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 def _hash(values: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
-
-
-class WindowReader(Protocol):
-    """Anything that works on windows: a method, or the motion auto-encoder."""
-
-    window: WindowSpec
-    needs: frozenset[str]

@@ -67,8 +67,20 @@ def test_every_ablation_key_exists_in_its_model_and_changes_its_value(name):
     ablated = plain(composed(f"model={model}", f"ablation={name}"), "model")
     written = OmegaConf.to_container(OmegaConf.load(CONF / "ablation" / f"{name}.yaml"))["model"]
     assert set(ablated) == set(control)
-    for key, value in written.items():
-        assert ablated[key] == value != control[key]
+    for keys, value in leaves(written):
+        before, after = control, ablated
+        for key in keys:
+            before, after = before[key], after[key]
+        assert after == value != before
+
+
+def leaves(values: dict, above: tuple = ()):
+    """(path of keys, value) of everything that is no dict."""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from leaves(value, (*above, key))
+        else:
+            yield (*above, key), value
 
 
 def test_the_control_changes_nothing():

@@ -44,7 +44,9 @@ def test_every_place_is_as_likely():
 
 
 def test_too_little_material_says_what_else_to_do():
-    with pytest.raises(ConfigError, match=r"13 pieces of 30 s don't fit into 1 .*5\.0 min") as caught:
+    with pytest.raises(
+        ConfigError, match=r"13 pieces of 30 s don't fit into 1 .*5\.0 min"
+    ) as caught:
         validation_pieces([Span(0, 0, 4500)], seed=0)
     assert "model.protocol=split" in caught.value.hint
     with pytest.raises(ConfigError, match="don't fit"):

@@ -47,7 +47,7 @@ def build(name: str, store):
 
 
 def loader(model, store, split="train"):
-    dataset = open_windows(store, split, model.window, model.needs)
+    dataset = open_windows(store, split, model)
     runs = 8 // dataset.spec.run
     return WindowLoader(dataset, runs, seed=0, shuffle=split == "train", drop_last=True)
 

@@ -10,6 +10,7 @@ from cospeech.methods.multi_adversary.networks import (
     MinibatchDiscriminator,
     MinibatchSimilarity,
     SequenceDiscriminator,
+    WindowDropout,
 )
 
 
@@ -91,3 +92,14 @@ def test_dropout_can_be_switched():
     without = zeros(generator.dense_dropout)  # what the ReLU cuts
     generator.set_dropout(0.3, 0.2)
     assert zeros(generator.dense_dropout) == pytest.approx(without + 0.3 * (1 - without), abs=0.02)
+
+
+def test_dropout_behind_the_gru_adds_no_jitter():
+    torch.manual_seed(5)
+    dropout = WindowDropout(0.5)
+    hidden = torch.rand(6, 30, 40) + 1
+    found = dropout(hidden) / hidden
+    assert torch.equal(found, found[:, :1].expand_as(found))  # one mask for all steps
+    assert set(found.unique().tolist()) == {0.0, 2.0}
+    assert not torch.equal(found[0], found[1])  # but each window has its own
+    assert torch.equal(dropout.eval()(hidden), hidden)

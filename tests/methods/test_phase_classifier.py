@@ -8,16 +8,18 @@ from lightning import Trainer
 from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.synthetic import synthesise
+from cospeech.corpus.synthetic import SKELETON, synthesise
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.formats.phase_files import read_phases
 from cospeech.formats.phase_files.writing import phase_segments, write_elan, write_phase_table
 from cospeech.methods.phase_classifier import PhaseClassifier
 from cospeech.methods.phase_classifier.__main__ import main
+from cospeech.methods.phase_classifier.augmentation import cut_at_random, mirrored, random_sizes
 from cospeech.methods.phase_classifier.judging import recording_scores
 from cospeech.methods.phase_classifier.scores import PhaseScores, confusion_of
 from cospeech.motion.bvh_writer import write_bvh
+from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.phases import PHASES, frame_phases
 from cospeech.motion.velocities import BodyJoints, mirrored_velocities, velocities
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
@@ -83,7 +85,7 @@ def trained(store, tmp_path_factory):
 
 
 def test_it_learns_the_phases(store, trained):
-    model, trainer, folder = trained
+    _, trainer, folder = trained
     values = {name: float(value) for name, value in trainer.callback_metrics.items()}
     assert values["val/weighted_f"] > 0.7 > 0.45 > values["val/majority_weighted_f"]
     assert values["val/one_minus_weighted_f"] == pytest.approx(1 - values["val/weighted_f"])
@@ -96,7 +98,7 @@ def test_it_learns_the_phases(store, trained):
 
 
 def test_the_file_is_the_best_epochs(store, trained):
-    model, trainer, folder = trained
+    model, _, folder = trained
     classifier = FrozenPhaseClassifier.load(folder / "phase_classifier.pt")
     (batch,) = loaders(model, store, batch_size=1000)[1]
     joints = batch.joints[:, :, model.joint_indices]
@@ -135,7 +137,7 @@ def test_training_windows_are_cut_at_random_places_of_their_runs(store):
     runs = batch.joints.unflatten(0, (3, 2)).flatten(1, 2)
     labels = batch.phases.unflatten(0, (3, 2)).flatten(1, 2)
     torch.manual_seed(0)
-    joints, _, phases = model._at_random_places(batch.joints, None, batch.phases)
+    joints, _, phases = cut_at_random(batch.joints, None, batch.phases, model.window)
     assert joints.shape == batch.joints.shape
     starts = []
     for i, window in enumerate(joints):
@@ -146,16 +148,25 @@ def test_training_windows_are_cut_at_random_places_of_their_runs(store):
     assert len(set(starts)) > 4
     fixed = build(store, pitch=False, run=1)
     assert (fixed.window.run, fixed.window.stride) == (1, 50)
-    assert fixed._at_random_places(batch.joints, None, batch.phases)[0] is batch.joints
+    assert cut_at_random(batch.joints, None, batch.phases, fixed.window)[0] is batch.joints
 
 
-def test_the_mirror_is_the_one_of_velocities(store):
-    model = build(store, pitch=False)
+def test_the_mirror_is_the_one_of_velocities():
+    roles = gesture_joints(SKELETON).roles[:16]
     joints = torch.randn(2, 9, 16, 3)
     expected = mirrored_velocities(
-        velocities(joints, 20.0, speeds=False), BodyJoints(model.roles, "pelvis"), speeds=False
+        velocities(joints, 20.0, speeds=False), BodyJoints(roles, "pelvis"), speeds=False
     )
-    torch.testing.assert_close(velocities(model._mirrored(joints), 20.0, speeds=False), expected)
+    torch.testing.assert_close(velocities(mirrored(joints, roles), 20.0, speeds=False), expected)
+
+
+def test_sizes_vary_evenly_to_both_sides():
+    torch.manual_seed(0)
+    factors = random_sizes(torch.zeros(20_000, 2, 1, 3), 0.4)
+    assert factors.shape == (20_000, 1, 1, 1)
+    assert float(factors.log().abs().max()) == pytest.approx(0.4, abs=1e-3)
+    assert float(factors.log().mean()) == pytest.approx(0, abs=0.01)
+    assert float(factors.log().var()) == pytest.approx(0.8**2 / 12, rel=0.03)
 
 
 def test_pitch_needs_sound_and_shows_in_the_input(store):
@@ -257,7 +268,7 @@ def test_a_bvh_is_labelled_on_the_command_line(recordings, trained, tmp_path, ca
 
 def test_the_command_line_says_what_is_missing(store, trained, recordings, tmp_path, capsys):
     assert main(["score", str(store.path), "--classifier", str(tmp_path / "no.pt")]) == 1
-    assert "no such phase classifier" in capsys.readouterr().err
+    assert "no such file" in capsys.readouterr().err
     build(store).frozen().save(tmp_path / "with_pitch.pt")
     write_bvh(tmp_path / "take.bvh", recordings[0].motion.slice(0, 60))
     files = [str(tmp_path / "take.bvh"), "--classifier", str(tmp_path / "with_pitch.pt")]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,9 +22,10 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.motion.gesture_joints import GestureJoints, gesture_joints
+from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.motion import resample_positions
-from cospeech.motion.velocities import body_positions
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.velocities import BodyJoints, body_positions
 from cospeech.progress import progress_bar
 from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
 from cospeech.speech.feature_sets.opensmile import opensmile_features
@@ -55,6 +56,8 @@ class StepWindows:
         spec: Window geometry; ``spec.run`` consecutive windows make an item.
         needs: `GestureBatch` fields to fill.
         every_interleave: Use all interleaves (training), or only the first (judging).
+        select: Other joints than the gesturing ones, by the recording's skeleton.
+        spans: Other stretches than the split's.
 
     Raises:
         ConfigError: A field that the corpus can't fill.
@@ -68,9 +71,12 @@ class StepWindows:
         spec: WindowSpec,
         needs: frozenset[str],
         every_interleave: bool,
+        select: Callable[[Skeleton], BodyJoints] | None = None,
+        spans: Sequence[Span] | None = None,
     ) -> None:
         self.store, self.split, self.spec, self.needs = store, split, spec, needs
-        spans = store.splits[split]
+        self._select = select
+        spans = store.splits[split] if spans is None else spans
         if "acoustics" in needs:
             spans = spans_with_sound(store, split, spans)
         if "phases" in needs:
@@ -155,7 +161,7 @@ class StepWindows:
         if not whole:
             stop = min(stop, math.ceil(span.stop / EVALUATION_FPS * motion.fps - 1e-6))
         joints = self._joints_of(span.recording)
-        positions = body_positions(motion.slice(first, stop), joints.body)
+        positions = body_positions(motion.slice(first, stop), joints)
         count = math.ceil(motion.fps / steps_fps - 1e-6)
         rate = count * steps_fps
         if not math.isclose(rate, motion.fps, rel_tol=1e-6):
@@ -179,8 +185,10 @@ class StepWindows:
                 phases[chosen],
             )
 
-    def _joints_of(self, recording: int) -> GestureJoints:
+    def _joints_of(self, recording: int) -> BodyJoints:
         index = self.store.recordings[recording].skeleton
+        if self._select is not None:
+            return self._select(self.store.skeletons[index])
         joints, first = (gesture_joints(self.store.skeletons[i]) for i in (index, 0))
         if joints.roles != first.roles:
             different = sorted(set(joints.roles) ^ set(first.roles))
@@ -189,7 +197,7 @@ class StepWindows:
                 f" ({', '.join(different)})",
                 "prepare those with and without fingers as two corpora",
             )
-        return joints
+        return joints.body
 
 
 def evaluation_frames(spec: WindowSpec) -> int:

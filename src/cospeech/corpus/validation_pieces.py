@@ -7,11 +7,32 @@ from collections.abc import Sequence
 import numpy as np
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS
+from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.errors import ConfigError
 
 PIECES, PIECE_S = 13, 30.0
 """Ferstl et al. 2020, section 4: 6.5 minutes in all."""
+
+
+def usable_spans(store: Store, splits: Sequence[str], with_sound: bool) -> list[Span]:
+    """The annotated stretches of some splits, in order of recording and time.
+
+    Args:
+        store: The corpus.
+        splits: Names of splits.
+        with_sound: Only recordings that have sound.
+    """
+    columns = store.recordings.columns
+    spans = [span for split in splits for span in store.splits[split]]
+    return sorted(
+        (
+            span
+            for span in spans
+            if columns["has_phases"][span.recording]
+            and (columns["has_audio"][span.recording] or not with_sound)
+        ),
+        key=_place,
+    )
 
 
 def validation_pieces(
@@ -55,4 +76,8 @@ def validation_pieces(
         pieces.append(Span(recording, start, start + frames))
         around = [Span(recording, first, start), Span(recording, start + frames, last)]
         rest[index : index + 1] = [span for span in around if span.stop > span.start]
-    return rest, sorted(pieces, key=lambda piece: (piece.recording, piece.start))
+    return rest, sorted(pieces, key=_place)
+
+
+def _place(span: Span) -> tuple[int, int]:
+    return span.recording, span.start

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -136,9 +137,17 @@ class WindowLoader:
         self.sampler.first_batch = state["next_batch"]
 
 
-def open_windows(
-    store: Store, split: str, spec: WindowSpec, needs: frozenset[str]
-) -> WindowDataset | StepWindows:
+class WindowReader(Protocol):
+    """Anything that works on windows: a method, or a network that judges motion.
+
+    One with a method ``windows(store, split)`` opens its own.
+    """
+
+    window: WindowSpec
+    needs: frozenset[str]
+
+
+def open_windows(store: Store, split: str, reader: WindowReader) -> WindowDataset | StepWindows:
     """The windows of one split that a method works on.
 
     A method of another rate than the evaluation's gets windows of the gesturing joints at its own:
@@ -147,12 +156,15 @@ def open_windows(
     Args:
         store: The corpus.
         split: ``"train"``, ``"val"`` or ``"test"``.
-        spec: The method's windows.
-        needs: Fields that it reads.
+        reader: The method.
     """
+    own: Callable[[Store, str], StepWindows] | None = getattr(reader, "windows", None)
+    if own is not None:
+        return own(store, split)
+    spec = reader.window
     if spec.fps == EVALUATION_FPS:
-        return WindowDataset(store, split, spec, needs)
+        return WindowDataset(store, split, spec, reader.needs)
     training = split == "train"
     if not training:
         spec = replace(spec, run=1, stride=spec.frames)
-    return StepWindows(store, split, spec, needs, every_interleave=training)
+    return StepWindows(store, split, spec, reader.needs, every_interleave=training)

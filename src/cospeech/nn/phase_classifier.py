@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import copy
 import json
-import os
-import pickle
-import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal, TypedDict
+from typing import Literal, TypedDict
 
 import numpy as np
 import torch
@@ -25,6 +22,7 @@ from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.velocities import BodyJoints, wrists
 from cospeech.nn.phase_network import PhaseFeatures, PhaseNetwork, PhaseSizes
 from cospeech.nn.step_sequences import centred, step_sequences
+from cospeech.nn.weights_file import read_weights, write_weights
 from cospeech.speech.speech import Speech
 
 WINDOW_FRAMES = 100
@@ -37,7 +35,6 @@ wrists, seen from the spine; for data that has no more."""
 WRIST_ROLES = ("left_wrist", "right_wrist")
 
 FORMAT = "cospeech.phase_classifier"
-LARGEST_FILE_BYTES = 64 * 2**20
 _TRAIN_ONE = "train one: python train.py model=phase_classifier; it is in the run's folder"
 
 
@@ -252,16 +249,9 @@ class FrozenPhaseClassifier(nn.Module):
         Args:
             path: File to write; an existing one is replaced.
         """
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
         state = {name: tensor.cpu() for name, tensor in self.state_dict().items()}
-        try:
-            content = {"format": FORMAT, "description": json.dumps(self.describe()), "state": state}
-            torch.save(content, temporary)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        description = json.dumps(self.describe())
+        write_weights(path, {"format": FORMAT, "description": description, "state": state})
 
     @classmethod
     def load(cls, path: str | Path) -> FrozenPhaseClassifier:
@@ -271,8 +261,8 @@ class FrozenPhaseClassifier(nn.Module):
             InputFileError: Missing, unsafe to read, damaged, or something else.
         """
         path = Path(path)
-        content = _read(path)
-        if not isinstance(content, dict) or content.get("format") != FORMAT:
+        content = read_weights(path, _TRAIN_ONE)
+        if content.get("format") != FORMAT:
             raise InputFileError(path, "not a phase classifier", hint=_TRAIN_ONE)
         try:
             classifier = cls.build(json.loads(content["description"]))
@@ -299,21 +289,3 @@ class FrozenPhaseClassifier(nn.Module):
                 " (model.joints=wrists)",
             )
         return [roles.index(role) for role in self.roles]
-
-
-def _read(path: Path) -> Any:
-    if not path.is_file():
-        raise InputFileError(path, "no such phase classifier", hint=_TRAIN_ONE)
-    size = path.stat().st_size
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            size = max(size, sum(entry.file_size for entry in archive.infolist()))
-    if size > LARGEST_FILE_BYTES:
-        raise InputFileError(path, f"{size / 2**20:.0f} MiB is too large for a phase classifier")
-    try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
-        reason = str(error).strip().split("\n", 1)[0]
-        raise InputFileError(
-            path, f"not a file that can be read safely ({reason})", hint=_TRAIN_ONE
-        ) from error

@@ -13,6 +13,27 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 
+class WindowDropout(nn.Module):
+    """Dropout whose mask is the same at every step of a window (Gal and Ghahramani 2016).
+
+    With a mask per step behind the GRU, motion would jitter by as much as the masks differ: faster
+    than people move, and all that adversaries of velocities and phases could see.
+
+    Args:
+        p: Rate.
+    """
+
+    def __init__(self, p: float) -> None:
+        super().__init__()
+        self.p = p
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        """Values ``(B, T, C)``; unchanged in evaluation."""
+        if not self.training:
+            return hidden
+        return hidden * functional.dropout(torch.ones_like(hidden[:, :1]), self.p)
+
+
 class Generator(nn.Module):
     """Dense, dropout, batch norm, GRU, dropout, dense: speech in, poses out, step by step.
 
@@ -31,7 +52,7 @@ class Generator(nn.Module):
         self.dense_dropout = nn.Dropout(0.0)
         self.norm = nn.BatchNorm1d(hidden_size)
         self.gru = nn.GRU(hidden_size, hidden_size, batch_first=True)
-        self.recurrent_dropout = nn.Dropout(0.0)
+        self.recurrent_dropout = WindowDropout(0.0)
         self.output = nn.Linear(hidden_size, outputs)
 
     def set_dropout(self, dense: float, recurrent: float) -> None:

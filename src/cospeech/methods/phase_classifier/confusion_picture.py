@@ -3,13 +3,41 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
+from lightning.fabric.loggers.logger import Logger
 from numpy.typing import NDArray
 
 _CELL, _LEFT, _TOP = 76, 118, 54
 _PALE, _DARK = np.array([247, 249, 252]), np.array([31, 94, 168])
+
+
+def write_confusion(
+    path: Path, confusion: NDArray[np.int64], classes: Sequence[str], title: str
+) -> None:
+    """Write `confusion_svg`; the file appears only when complete."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(confusion_svg(confusion, classes, title), encoding="utf-8")
+    temporary.replace(path)
+
+
+def show_confusion(
+    loggers: Iterable[Logger], name: str, confusion: NDArray[np.int64], epoch: int
+) -> None:
+    """Show the matrix in every logger that takes pictures."""
+    pixels = confusion_pixels(confusion)
+    for logger in loggers:
+        if hasattr(logger, "log_image"):  # Weights & Biases
+            logger.log_image(name, [pixels])
+            continue
+        show = getattr(getattr(logger, "experiment", None), "add_image", None)
+        if show is not None and find_spec("PIL"):  # TensorBoard, which needs Pillow for it
+            show(name, pixels, epoch, dataformats="HWC")
 
 
 def confusion_svg(confusion: NDArray[np.int64], classes: Sequence[str], title: str) -> str:

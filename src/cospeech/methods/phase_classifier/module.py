@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -19,11 +18,17 @@ from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.splits import Span
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.store import Store
-from cospeech.corpus.validation_pieces import PIECE_S, PIECES, validation_pieces
+from cospeech.corpus.validation_pieces import (
+    PIECE_S,
+    PIECES,
+    usable_spans,
+    validation_pieces,
+)
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError
-from cospeech.methods.phase_classifier.confusion_picture import confusion_pixels, confusion_svg
+from cospeech.methods.phase_classifier.augmentation import cut_at_random, mirrored, random_sizes
+from cospeech.methods.phase_classifier.confusion_picture import show_confusion, write_confusion
 from cospeech.methods.phase_classifier.scores import PhaseScores
 from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.phases import PHASE_MERGES
@@ -68,6 +73,8 @@ class PhaseClassifier(LightningModule):
         speeds: Whether the joints' speeds are inputs too.
         smooth: Whether positions pass a low-pass first; for noisy ones.
         mirror: Whether half of the training windows are seen in a mirror; for small corpora.
+        size_jitter: Training windows are made larger or smaller by a random factor, uniform in its
+            logarithm up to this; for small corpora.
         run: Neighbouring windows that training windows are cut from, at random places. 1: windows
             begin every 2.5 s.
         protocol: ``"split"``: the store's validation split. ``"pieces"``: random pieces of the
@@ -104,6 +111,7 @@ class PhaseClassifier(LightningModule):
         speeds: bool = False,
         smooth: bool = False,
         mirror: bool = False,
+        size_jitter: float = 0.0,
         run: int = 2,
         protocol: Protocol = "split",
         pieces: int = PIECES,
@@ -124,7 +132,7 @@ class PhaseClassifier(LightningModule):
         _check("protocol", protocol, ("split", "pieces"))
         self.merge = PHASE_MERGES[classes]
         self.joint_set: JointSet = joints
-        self.mirror, self.protocol = mirror, protocol
+        self.mirror, self.size_jitter, self.protocol = mirror, size_jitter, protocol
         self.pieces, self.piece_s, self.pieces_seed = pieces, piece_s, pieces_seed
         self.learning_rate, self.clip_norm = learning_rate, clip_norm
         stride = WINDOW_FRAMES if run > 1 else WINDOW_FRAMES // 2
@@ -171,17 +179,9 @@ class PhaseClassifier(LightningModule):
         """
         if self.protocol == "split" or split == "test":
             return store.splits[split]
-        columns = store.recordings.columns
-        wanted = [columns["has_phases"]] + [columns["has_audio"]] * ("acoustics" in self.needs)
-        usable = [
-            span
-            for span in sorted(
-                store.splits["train"] + store.splits["val"], key=lambda s: (s.recording, s.start)
-            )
-            if all(column[span.recording] for column in wanted)
-        ]
-        training, pieces = validation_pieces(usable, self.pieces_seed, self.pieces, self.piece_s)
-        return training if split == "train" else pieces
+        usable = usable_spans(store, ("train", "val"), with_sound=self.features.pitch)
+        parts = validation_pieces(usable, self.pieces_seed, self.pieces, self.piece_s)
+        return parts[0] if split == "train" else parts[1]
 
     def forward(self, joints: Tensor, pitch: Tensor | None = None) -> Tensor:
         """Scores ``(B, T - 1, classes)`` of ``(B, T, J, 3)`` metres and ``(B, T)`` Hz."""
@@ -202,10 +202,12 @@ class PhaseClassifier(LightningModule):
         """Cross entropy of one batch."""
         joints, pitch = self._inputs(batch)
         phases = batch.require("phases")
-        joints, pitch, phases = self._at_random_places(joints, pitch, phases)
+        joints, pitch, phases = cut_at_random(joints, pitch, phases, self.window)
         if self.mirror:
             chosen = torch.rand(len(joints), 1, 1, 1, device=self.device) < 0.5
-            joints = torch.where(chosen, self._mirrored(joints), joints)
+            joints = torch.where(chosen, mirrored(joints, self.roles), joints)
+        if self.size_jitter:
+            joints = joints * random_sizes(joints, self.size_jitter)
         loss = self.network.loss(self(joints, pitch), self.class_of[phases[:, 1:]])
         self.log("train/loss", loss, on_step=False, on_epoch=True, batch_size=len(joints))
         return loss
@@ -267,40 +269,13 @@ class PhaseClassifier(LightningModule):
         pitch = batch.require("acoustics")[..., COEFFICIENTS] if self.features.pitch else None
         return joints, pitch
 
-    def _at_random_places(
-        self, joints: Tensor, pitch: Tensor | None, phases: Tensor
-    ) -> tuple[Tensor, Tensor | None, Tensor]:
-        """As many windows as came, cut at random places from the runs that they make."""
-        run, frames = self.window.run, self.window.frames
-        if run == 1:
-            return joints, pitch, phases
-        runs = len(joints) // run
-        last = (run - 1) * frames
-        starts = torch.randint(last + 1, (runs * run, 1), device=joints.device)
-        rows = torch.arange(runs, device=joints.device).repeat_interleave(run)[:, None]
-        steps = starts + torch.arange(frames, device=joints.device)
-
-        def cut(values: Tensor) -> Tensor:
-            return values.unflatten(0, (runs, run)).flatten(1, 2)[rows, steps]
-
-        return cut(joints), None if pitch is None else cut(pitch), cut(phases)
-
-    def _mirrored(self, joints: Tensor) -> Tensor:
-        """What a mirror shows: sides exchanged, x negated."""
-        other = {"left": "right", "right": "left"}
-        swapped = [
-            self.roles.index(f"{other[side]}_{joint}")
-            for side, _, joint in (role.partition("_") for role in self.roles)
-        ]
-        return joints[..., swapped, :] * joints.new_tensor([-1.0, 1.0, 1.0])
-
     def _statistics_windows(self, dataset: StepWindows) -> Iterator[tuple[Tensor, Tensor | None]]:
         for first in range(0, len(dataset), _STATISTICS_RUNS):
             rows = range(first, min(first + _STATISTICS_RUNS, len(dataset)))
             joints, pitch = self._inputs(dataset.batch(rows).to(self.device))
             yield joints, pitch
             if self.mirror:
-                yield self._mirrored(joints), pitch
+                yield mirrored(joints, self.roles), pitch
 
     def _log_scores(self, stage: str) -> PhaseScores:
         confusion = self.confusion.compute().cpu().numpy()
@@ -321,13 +296,11 @@ class PhaseClassifier(LightningModule):
         # The matrix was summed over all processes: each logs the same.
         self.log_dict({f"{stage}/{name}": value for name, value in values.items()})
         if self.trainer.is_global_zero and not self.trainer.sanity_checking:
-            show_confusion(
-                scores,
-                self.merge.classes,
-                f"{stage}, epoch {self.current_epoch}",
-                Path(self.trainer.default_root_dir) / f"confusion_{stage}.svg",
-                {name: (self.loggers, self.current_epoch) for name in ()},
-            )
+            epoch = self.current_epoch
+            title = f"{stage}, epoch {epoch}: weighted F {scores.weighted_f:.3f}"
+            path = Path(self.trainer.default_root_dir) / f"confusion_{stage}.svg"
+            write_confusion(path, confusion, self.merge.classes, title)
+            show_confusion(self.loggers, f"{stage}/confusion", confusion, epoch)
         return scores
 
 
