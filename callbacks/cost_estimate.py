@@ -39,10 +39,16 @@ class CostEstimate(Callback):
         if trainer.is_global_zero and trainer.max_epochs is not None:
             steps = int(trainer.num_training_batches)
             left = trainer.max_epochs - trainer.current_epoch
+            total = _steps_left(trainer, pl_module)
+            epochs = f"{left} epochs x {steps} steps"
+            if total < left * steps:
+                epochs = f"at most {left} epochs of {steps} steps, about"
+            else:
+                epochs += " ="
             parameters = sum(p.numel() for p in pl_module.parameters() if p.requires_grad)
             print(
                 f"training {type(pl_module).__name__}: {parameters / 1e6:.2f} M parameters,"
-                f" {left} epochs x {steps} steps = {left * steps:,} steps",
+                f" {epochs} {total:,} steps",
                 flush=True,
             )
 
@@ -65,7 +71,7 @@ class CostEstimate(Callback):
             self._started = time.perf_counter()
         elif self._seen == WARM_UP_STEPS + MEASURED_STEPS:
             seconds = (time.perf_counter() - self._started) / MEASURED_STEPS
-            self._announce(trainer, seconds, batch_idx + 1)
+            self._announce(trainer, pl_module, seconds, batch_idx + 1)
             if self.quick and trainer.is_global_zero:
                 print(f"for a quick look add {self.quick}", flush=True)
 
@@ -75,18 +81,27 @@ class CostEstimate(Callback):
             return
         seconds = (time.perf_counter() - self._epoch_started) / self._epoch_steps
         if not 0.8 < seconds / self._announced < 1.25:
-            self._announce(trainer, seconds, self._epoch_steps)
+            self._announce(trainer, pl_module, seconds, self._epoch_steps)
 
-    def _announce(self, trainer: Trainer, seconds: float, done_in_epoch: int) -> None:
+    def _announce(
+        self, trainer: Trainer, pl_module: LightningModule, seconds: float, done_in_epoch: int
+    ) -> None:
         self._announced = seconds
         if trainer.max_epochs is None or not trainer.is_global_zero:
             return
-        left = (trainer.max_epochs - trainer.current_epoch) * int(trainer.num_training_batches)
-        total = (left - done_in_epoch) * seconds
+        total = _steps_left(trainer, pl_module, done_in_epoch) * seconds
         print(
             f"\nmeasured {seconds:.2f} s per step: about {_duration(total)} of training left",
             flush=True,
         )
+
+
+def _steps_left(trainer: Trainer, pl_module: LightningModule, done_in_epoch: int = 0) -> int:
+    """By the epochs that are left, or by the method where it knows that it needs fewer."""
+    assert trainer.max_epochs is not None
+    batches = int(trainer.num_training_batches)
+    by_epochs = (trainer.max_epochs - trainer.current_epoch) * batches - done_in_epoch
+    return min(by_epochs, getattr(pl_module, "steps_left", by_epochs))
 
 
 def _duration(seconds: float) -> str:

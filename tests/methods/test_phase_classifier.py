@@ -274,11 +274,22 @@ def test_the_command_line_says_what_is_missing(store, trained, recordings, tmp_p
     files = [str(tmp_path / "take.bvh"), "--classifier", str(tmp_path / "with_pitch.pt")]
     assert main(["label", *files, "--out", str(tmp_path)]) == 1
     assert "--audio" in capsys.readouterr().err
-    assert (
-        main(["score", str(store.path), "--classifier", str(trained[2] / "phase_classifier.pt")])
-        == 0
-    )
-    assert "weighted F" in capsys.readouterr().out
+
+
+def test_folds_are_pooled_on_the_command_line(store, trained, tmp_path, capsys):
+    file, folder = str(trained[2] / "phase_classifier.pt"), str(store.path)
+    one = recording_scores(FrozenPhaseClassifier.load(file), store, "test")
+    assert main(["score", folder, "--classifier", file]) == 0
+    shown = capsys.readouterr().out
+    assert shown == one.table(("preparation", "stroke", "hold", "other")) + "\n"
+    assert main(["score", folder, folder, "--classifier", file, file]) == 0
+    assert capsys.readouterr().out == shown  # the same frames twice have the same scores
+    assert main(["score", folder, folder, "--classifier", file]) == 1
+    assert "1 classifiers and 2 stores" in capsys.readouterr().err
+    build(store, classes="six", pitch=False).frozen().save(tmp_path / "six.pt")
+    arguments = ["score", folder, folder, "--classifier", file, str(tmp_path / "six.pt")]
+    assert main(arguments) == 1
+    assert "different classes" in capsys.readouterr().err
 
 
 def test_wrists_without_sound_train_on_the_uci_set(shared, tmp_path):

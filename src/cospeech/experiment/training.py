@@ -16,6 +16,7 @@ from hydra.utils import get_class, instantiate
 from lightning import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import Logger
+from lightning.pytorch.utilities.model_helpers import is_overridden
 from omegaconf import DictConfig, OmegaConf
 
 from cospeech.corpus.store import Store
@@ -183,6 +184,11 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             references=references,
         )
         print(result_table(record.values))
+    elif cfg.test and is_overridden("test_step", model):
+        with _timed(record, "test"):
+            windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
+        values = {name.removeprefix("test/"): float(value) for name, value in windows[0].items()}
+        record.update(final={"split": "test", "windows": values})
     record.finish("ok")
     samples = [folder / name for name in record.values["samples"]]
     print(f"\nrun:    {folder}")

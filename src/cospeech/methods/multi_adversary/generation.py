@@ -17,6 +17,7 @@ from cospeech.methods.multi_adversary.adversaries import classified
 from cospeech.methods.multi_adversary.judging import Tally
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.synthesis import (
+    OVERLAP_FRAMES,
     LongForm,
     at_evaluation_rate,
     evaluation_joints,
@@ -60,11 +61,11 @@ class GeneratesGestures(GestureMethod):
         There is nothing to draw: ``generator`` isn't used, and the same speech gives the same
         motion.
         """
-        return self._upper_body(self._generated_joints(batch))
+        return self._upper_body(self.sample_joints(batch))
 
     def validation_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """Sampled positions for the evaluation callback; counts wrist velocities and phases."""
-        generated = self._generated_joints(batch)
+        generated = self.sample_joints(batch)
         self._count(batch, generated)
         return self._upper_body(generated)
 
@@ -115,8 +116,14 @@ class GeneratesGestures(GestureMethod):
         self.log_dict(values, sync_dist=True)
         self._tally = None
 
-    def _generated_joints(self, batch: GestureBatch) -> Tensor:
-        """``(B, T, J, 3)`` metres, without dropout."""
+    @property
+    def border_frames(self) -> int:
+        """Frames from the start of one window to the next in `generate_joints`."""
+        return self.window.frames - (OVERLAP_FRAMES if self.long_form == "crossfade" else 0)
+
+    @torch.no_grad()
+    def sample_joints(self, batch: GestureBatch) -> Tensor:
+        """The gesturing joints of each window, ``(B, T, J, 3)`` metres, without dropout."""
         scales = self.players.scales
         with self._evaluating():
             poses = self.players.generator(scales.speech(batch.require("acoustics")))

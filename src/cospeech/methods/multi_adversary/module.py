@@ -458,6 +458,17 @@ class MultiAdversary(GeneratesGestures):
             self._end_stage()
         return logs
 
+    @property
+    def classifier(self) -> FrozenPhaseClassifier | None:
+        """The finished classifier; None before its stage has ended, or where nothing needs one."""
+        return self.views.classifier
+
+    @property
+    def steps_left(self) -> int:
+        """Steps until the last stage is complete, with a curriculum without failures."""
+        ended = frozenset(STAGES[: STAGES.index(self.progress.stage)])
+        return max(0, self.schedule.least_steps(self.done | ended) - self.progress.step)
+
     def _judging_classifier(self) -> FrozenPhaseClassifier | None:
         if self.progress.stage == "classifier" and self.players.student is not None:
             return self.players.student.frozen()
@@ -465,7 +476,14 @@ class MultiAdversary(GeneratesGestures):
 
     @property
     def _generator_is_final(self) -> bool:
-        return self.progress.stage in ("adversarial", "finished")
+        """From the middle of the last stage on.
+
+        At its beginning the generator still is the pre-trained one, whose damped motion can have
+        the smaller gap.
+        """
+        if self.progress.stage != "adversarial":
+            return self.progress.stage == "finished"
+        return 2 * self.progress.step >= (self.schedule.lengths["adversarial"] or 0)
 
 
 class _EveryWindow:

@@ -16,6 +16,7 @@ from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.formats.phase_files.writing import phase_segments, write_elan, write_phase_table
 from cospeech.methods.phase_classifier.judging import recording_scores
+from cospeech.methods.phase_classifier.scores import PhaseScores
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
 from cospeech.motion.joint_map import find_joint_map
 from cospeech.motion.phases import PHASE_INDEX, PHASES
@@ -38,12 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     logging.basicConfig(format="%(message)s")
     try:
-        classifier = FrozenPhaseClassifier.load(given.classifier)
         if given.command == "label":
+            classifier = FrozenPhaseClassifier.load(given.classifier)
             _label(classifier, given.motion, given.audio, given.out)
         else:
-            scores = recording_scores(classifier, Store(given.store), given.split)
-            print(scores.table(classifier.classes))
+            _score(given.classifier, given.store, given.split)
     except CospeechError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -76,6 +76,22 @@ def _label(
     print(f"\ntable: {table.resolve()}\nELAN:  {document.resolve()}")
 
 
+def _score(classifier_files: list[Path], stores: list[Path], split: str) -> None:
+    if len(classifier_files) != len(stores):
+        raise CospeechError(
+            f"{len(classifier_files)} classifiers and {len(stores)} stores",
+            "give a classifier for each store, in the same order",
+        )
+    classifiers = [FrozenPhaseClassifier.load(file) for file in classifier_files]
+    classes = classifiers[0].classes
+    if any(classifier.classes != classes for classifier in classifiers):
+        raise CospeechError("the classifiers have different classes, so they can't be summed")
+    total = np.zeros((len(classes), len(classes)), dtype=np.int64)
+    for classifier, store in zip(classifiers, stores, strict=True):
+        total += recording_scores(classifier, Store(store), split).confusion
+    print(PhaseScores.of(total).table(classes))
+
+
 def _as_phases(classifier: FrozenPhaseClassifier, found: NDArray[np.int64]) -> NDArray[np.int64]:
     names = [_PHASE_OF_CLASS.get(name, name) for name in classifier.classes]
     return np.array([PHASE_INDEX[name] for name in names])[found]
@@ -97,14 +113,17 @@ def _parser() -> argparse.ArgumentParser:
     score = commands.add_parser(
         "score",
         help="compare with a store's annotation",
-        description="Label whole annotated recordings of a prepared store and compare every frame.",
+        description="Label whole annotated recordings of a prepared store and compare every frame."
+        " Of several stores (the folds of a cross-validation), the frames are pooled.",
     )
-    score.add_argument("store", type=Path, help="the store's folder (outputs/stores/...)")
+    score.add_argument(
+        "store", type=Path, nargs="+", help="the store's folder (outputs/stores/...)"
+    )
     score.add_argument("--split", choices=SPLITS, default="test")
-    for command in (label, score):
-        command.add_argument(
-            "--classifier", type=Path, required=True, help="phase_classifier.pt of a run"
-        )
+    label.add_argument("--classifier", type=Path, required=True, help="phase_classifier.pt")
+    score.add_argument(
+        "--classifier", type=Path, nargs="+", required=True, help="phase_classifier.pt, per store"
+    )
     return parser
 
 
