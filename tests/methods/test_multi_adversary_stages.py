@@ -72,7 +72,7 @@ def test_the_stages_follow_one_another_for_their_lengths():
     expected = ["classifier"] * 2 + ["pretraining"] * 3 + ["phase_curriculum"] * 9
     expected += ["motion_pretraining"] + ["adversarial"] * 4
     assert walk(SCHEDULE) == expected
-    assert SCHEDULE.least_steps() == len(expected)
+    assert Progress("classifier").least_steps_left(SCHEDULE, frozenset()) == len(expected)
     assert len(walk(SCHEDULE, accuracy=0.0)) == len(expected) + 9
 
 
@@ -80,7 +80,21 @@ def test_stages_that_are_done_are_left_out():
     done = frozenset({"classifier", "phase_curriculum"})
     expected = ["pretraining"] * 3 + ["motion_pretraining"] + ["adversarial"] * 4
     assert walk(SCHEDULE, done) == expected
-    assert SCHEDULE.least_steps(done) == len(expected)
+    assert Progress("pretraining").least_steps_left(SCHEDULE, done) == len(expected)
+
+
+def test_the_steps_that_are_left_count_down_by_one():
+    progress, left = Progress("classifier"), []
+    while progress.stage != "finished":
+        left.append(progress.least_steps_left(SCHEDULE, frozenset()))
+        told = 1.0 if progress.stage == "phase_curriculum" else None
+        progress = progress.after_step(SCHEDULE, told)
+        if progress.stage_is_complete(SCHEDULE):
+            progress = Progress(SCHEDULE.next_after(progress.stage))
+    assert left == list(range(19, 0, -1))
+    assert progress.least_steps_left(SCHEDULE, frozenset()) == 0
+    hard = Progress("phase_curriculum", 9, after([0.5] * 6 + [0.8] * 2))
+    assert hard.least_steps_left(SCHEDULE, frozenset()) == 1 + 3 + 1 + 4
 
 
 def test_progress_survives_a_checkpoint():

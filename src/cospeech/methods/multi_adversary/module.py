@@ -355,19 +355,23 @@ class MultiAdversary(GeneratesGestures):
                 self.schedule.curriculum.most_batches,
             )
 
+    @property
+    def steps_left(self) -> int:
+        """Training steps to the end of the last stage, or a few more if the curriculum is hard."""
+        return self.progress.least_steps_left(self.schedule, self.done)
+
     def _compare_with_epochs(self) -> None:
         epochs = self.trainer.max_epochs
         if epochs is None or epochs < 0:
             return
         left = (epochs - self.current_epoch) * int(self.trainer.num_training_batches)
-        least = self.schedule.least_steps(self.done) - self.progress.step
-        if left < least:
+        if left < self.steps_left:
             logger.warning(
                 "%d epochs hold %d more steps, and the stages need %d or more: the last won't be"
                 " finished; raise training.epochs",
                 epochs,
                 left,
-                least,
+                self.steps_left,
             )
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
@@ -462,12 +466,6 @@ class MultiAdversary(GeneratesGestures):
     def classifier(self) -> FrozenPhaseClassifier | None:
         """The finished classifier; None before its stage has ended, or where nothing needs one."""
         return self.views.classifier
-
-    @property
-    def steps_left(self) -> int:
-        """Steps until the last stage is complete, with a curriculum without failures."""
-        ended = frozenset(STAGES[: STAGES.index(self.progress.stage)])
-        return max(0, self.schedule.least_steps(self.done | ended) - self.progress.step)
 
     def _judging_classifier(self) -> FrozenPhaseClassifier | None:
         if self.progress.stage == "classifier" and self.players.student is not None:

@@ -92,15 +92,6 @@ class Schedule:
         later = [other for other in self.lengths if STAGES.index(other) > STAGES.index(stage)]
         return next((other for other in later if other not in done), "finished")
 
-    def least_steps(self, done: frozenset[Stage] = frozenset()) -> int:
-        """Steps of the stages that aren't done, with a curriculum without failures."""
-        shortest = self.curriculum.levels * self.curriculum.streak
-        return sum(
-            shortest if length is None else length
-            for stage, length in self.lengths.items()
-            if stage not in done
-        )
-
 
 @dataclass(frozen=True)
 class Progress:
@@ -139,6 +130,24 @@ class Progress:
         if length is None:
             return self.curriculum.is_complete(schedule.curriculum)
         return self.step >= length
+
+    def least_steps_left(self, schedule: Schedule, done: frozenset[Stage]) -> int:
+        """Steps to the end of the last stage; of the curriculum, as if every batch were good.
+
+        Args:
+            schedule: The stages.
+            done: Those that products have taken the place of.
+        """
+        rules, left = schedule.curriculum, 0
+        for stage, length in schedule.lengths.items():
+            if stage in done or STAGES.index(stage) < STAGES.index(self.stage):
+                continue
+            if length is None:
+                level, streak = self.curriculum.level, self.curriculum.streak
+                left += (rules.levels - level) * rules.streak - streak
+            else:
+                left += length - (self.step if stage == self.stage else 0)
+        return left
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values; `from_dict` reads them back."""
