@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 
@@ -77,6 +78,8 @@ def packed_sources(
     remaining = iter(sources)
     waiting: deque[tuple[str, Future[PackedSource]]] = deque()
     source_id = ""
+    with _deaf_to_ctrl_c():
+        pool.submit(int)  # the first task starts all processes
     try:
         while True:
             for source in islice(remaining, AHEAD * workers - len(waiting)):
@@ -94,6 +97,19 @@ def packed_sources(
         ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Processes that start in here never hear Ctrl-C, not even before their first line runs."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _follow_the_parent() -> None:
