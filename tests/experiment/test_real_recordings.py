@@ -82,4 +82,4 @@ def test_a_header_that_lies_gives_the_clear_error(shared, tmp_path):
     )
     assert mended.returncode == 0, mended.stderr
     (manifest,) = tmp_path.glob("stores/*/manifest.json")
-    assert json.loads(manifest.read_text())["recordings"][0]["fps"] == 15
+    assert json.loads(manifest.read_text())["recordings"]["fps"] == [15.0]
