@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from lightning import Callback, LightningModule, Trainer
-from torch import Tensor
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import CospeechError
 from cospeech.experiment import RunContext
 from cospeech.metrics.acceleration_error import AccelerationError
-from cospeech.metrics.encoder import EVALUATION_FRAMES, EVALUATION_STRIDE
 from cospeech.metrics.feature_distance import FeatureDistance
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.joint_mae import JointMAE
+from cospeech.metrics.protocol import cut_windows
 
 
 class EvaluateFGD(Callback):
@@ -58,13 +57,13 @@ class EvaluateFGD(Callback):
     def _update(self, outputs: Any, batch: GestureBatch) -> None:
         if not self._metrics:
             return
-        generated = evaluation_windows(outputs)
+        generated = cut_windows(outputs)
         if not generated.isfinite().all():
             raise CospeechError(
                 "the method generates NaN or infinite positions: its weights are damaged",
                 "look at the losses of the last epochs; the last checkpoint may still be good",
             )
-        real = evaluation_windows(batch.require("positions"))
+        real = cut_windows(batch.require("positions"))
         if not self._real_is_known:
             self._metrics["fgd"].update(real, real=True)
         self._metrics["fgd"].update(generated, real=False)
@@ -125,18 +124,3 @@ class EvaluateFGD(Callback):
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """As for validation."""
         self._log(pl_module, "test")
-
-
-def evaluation_windows(positions: Tensor) -> Tensor:
-    """A method's windows at the evaluation rate, cut into those of the evaluation space.
-
-    Args:
-        positions: ``(B, T, 10, 3)`` at 15 fps, T of 34 or more.
-
-    Returns:
-        ``(B n, 34, 10, 3)``; of each item the n windows that begin every ten frames.
-    """
-    if positions.shape[1] == EVALUATION_FRAMES:
-        return positions
-    windows = positions.unfold(1, EVALUATION_FRAMES, EVALUATION_STRIDE)
-    return windows.movedim(-1, 2).flatten(0, 1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,8 +17,6 @@ from cospeech.metrics import protocol
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.progress import progress_bar
 from cospeech.reporting.record import write_json
-
-logger = logging.getLogger(__name__)
 
 References = dict[str, dict[str, float]]
 """Row name -> metric name -> value."""
@@ -78,28 +75,6 @@ def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int)
     return rows
 
 
-def heard_spans(store: Store, spans: list[Span]) -> list[Span]:
-    """The spans whose recordings have sound, with a warning about the others.
-
-    Raises:
-        CospeechError: None has.
-    """
-    has_audio = store.recordings.columns["has_audio"]
-    heard = [span for span in spans if has_audio[span.recording]]
-    if spans and not heard:
-        raise CospeechError(
-            f"{store.name}: no recording has sound to generate motion for", "judge on another split"
-        )
-    if len(heard) < len(spans):
-        logger.warning(
-            "%s: no motion is generated for %d of %d recordings, which have no sound",
-            store.name,
-            len(spans) - len(heard),
-            len(spans),
-        )
-    return heard
-
-
 def _long_enough(store: Store, split: str) -> list[Span]:
     return [
         span for span in store.splits[split] if span.stop - span.start >= protocol.EVALUATION_FRAMES
@@ -154,7 +129,7 @@ def evaluate_recordings(
     Raises:
         CospeechError: No recording of the split has sound and the length of a window.
     """
-    spans = heard_spans(store, _long_enough(store, split))[:limit]
+    spans = store.spans_with_sound(_long_enough(store, split), f"{split} recordings")[:limit]
     real, ids = real_windows(store, spans)
     generated = []
     training = method.training

@@ -8,7 +8,7 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 
 from callbacks.cost_estimate import CostEstimate
-from callbacks.evaluate_fgd import EvaluateFGD, evaluation_windows
+from callbacks.evaluate_fgd import EvaluateFGD
 from callbacks.progress_bar import EpochLines
 from callbacks.run_record import WriteRunRecord
 from callbacks.step_seed import SeedEachStep
@@ -22,6 +22,7 @@ from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
 from cospeech.metrics.functional import frechet_distance, joint_mae
 from cospeech.metrics.moments import feature_moments
+from cospeech.metrics.protocol import cut_windows
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.reporting.record import RunRecord
@@ -114,7 +115,7 @@ def test_fgd_is_that_of_all_validation_windows(run):
 
 def test_longer_windows_are_cut_into_those_of_the_evaluation_space():
     positions = torch.arange(2 * 75.0).reshape(2, 75, 1, 1).expand(2, 75, 10, 3)
-    windows = evaluation_windows(positions)
+    windows = cut_windows(positions)
     assert windows.shape == (10, 34, 10, 3)  # from frames 0, 10, 20, 30 and 40 of each item
     assert windows[:, 0, 0, 0].tolist() == [0, 10, 20, 30, 40, 75, 85, 95, 105, 115]
     assert windows[3, :, 4, 2].tolist() == list(range(30, 64))

@@ -21,7 +21,7 @@ from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.evaluation import evaluate_recordings, heard_spans
+from cospeech.evaluation import evaluate_recordings
 from cospeech.speech.speech import Speech, Word
 from tests.corpora import make_recording, make_store
 
@@ -170,7 +170,7 @@ def test_recordings_without_sound_are_not_generated_for(tmp_path, caplog):
     recordings[3] = dataclasses.replace(recordings[3], speech=silent)
     store = make_store(tmp_path, recordings)
     everything = [Span(i, 0, 150) for i in range(4)]
-    assert [span.recording for span in heard_spans(store, everything)] == [0, 1, 2]
+    assert [span.recording for span in store.spans_with_sound(everything, "this")] == [0, 1, 2]
     assert "1 of 4 recordings" in caplog.text
     with pytest.raises(CospeechError, match="no recording has sound"):
         evaluate_recordings(Mute(), store, "test", torch.nn.Identity())

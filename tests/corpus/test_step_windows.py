@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
+from cospeech.corpus.recording import Recording
 from cospeech.corpus.splits import SPLITS, Span
 from cospeech.corpus.step_windows import StepWindows, evaluation_frames
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.synthetic import synthesise
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.formats.uci_phases import UCI_SKELETON
 from cospeech.motion.gesture_joints import gesture_joints
-from cospeech.motion.velocities import body_positions
+from cospeech.motion.motion import Motion
+from cospeech.motion.velocities import body_positions, wrists
 from cospeech.speech.feature_sets.opensmile import opensmile_features
 from cospeech.speech.speech import Speech
 from tests.corpora import make_recording, make_store
@@ -113,3 +116,42 @@ def test_recordings_without_sound_are_left_out(tmp_path):
     assert SPLITS[0] == "train"
     windows = StepWindows(store, "train", SPEC, frozenset({"acoustics"}), every_interleave=True)
     assert set(windows.recordings) == {1}
+
+
+@pytest.mark.parametrize(
+    ("fps", "interleaves"), [(15.0, 1), (20.0, 1), (30.0, 2), (60.0, 3), (120.0, 6)]
+)
+def test_other_joints_at_other_rates(tmp_path, fps, interleaves):
+    """The body glides along z; the left wrist's x is t^2 / 2 m more than the spine's."""
+    frames = round(8 * fps)
+    times = np.arange(frames) / fps
+    positions = np.zeros((frames, len(UCI_SKELETON), 3), dtype=np.float32)
+    positions[:, :, 2] = 0.5 * times[:, None]
+    positions[:, UCI_SKELETON.index["left_wrist"], 0] += 0.5 * times**2
+    labels = (np.arange(frames) // 30 % 9).astype(np.int8)
+    recording = Recording(
+        "one",
+        "ada",
+        Speech(np.zeros(0, dtype=np.float32), None),
+        Motion(UCI_SKELETON, fps, positions),
+        phases=labels,
+    )
+    with StoreWriter(tmp_path / "s", "s", {}, "0", upper_body=False) as writer:
+        writer.add(recording)
+        (count,) = writer.columns()["frames"]
+        store = writer.finish({"train": [Span(0, 0, count)], "val": [], "test": []})
+    spec = WindowSpec(fps=20, frames=50, seed_frames=0, stride=50)
+    needs = frozenset({"joints", "phases"})
+    dataset = StepWindows(store, "train", spec, needs, every_interleave=True, select=wrists)
+    starts = dataset.times_s[dataset.starts]
+    assert len(np.unique(np.round(starts % 0.05, 6) % 0.05)) == interleaves
+    for window, start in enumerate(starts):
+        batch = dataset.batch([window])
+        times = start + np.arange(50) / 20
+        left, right = batch.joints[0].numpy().transpose(1, 0, 2)
+        # Linear interpolation of t^2 / 2 between two frames is off by at most (1 / fps)^2 / 8.
+        np.testing.assert_allclose(left[:, 0], times**2 / 2, atol=1 / fps**2 / 8 + 1e-5)
+        np.testing.assert_allclose(left[:, 1:], 0, atol=1e-6)  # the spine's glide is gone
+        np.testing.assert_allclose(right, 0, atol=1e-6)
+        native = np.rint(times * fps).astype(int).clip(max=frames - 1)
+        np.testing.assert_array_equal(batch.phases[0], labels[native])

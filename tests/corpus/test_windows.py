@@ -181,7 +181,9 @@ def test_recordings_without_sound_are_left_out_where_sound_is_needed(tmp_path):
 def test_a_corpus_without_sound_says_so_at_the_start(tmp_path):
     silent = Speech(np.zeros(0, dtype=np.float32), None)
     store = store_of(tmp_path, [changed(make_recording(f"t{i}"), speech=silent) for i in range(3)])
-    with pytest.raises(ConfigError, match="no train recording has sound"):
+    with pytest.raises(
+        ConfigError, match="no recording has sound, which is needed for train windows"
+    ):
         WindowDataset(store, "train", SPEC, ALL)
 
 

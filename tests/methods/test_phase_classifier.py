@@ -21,7 +21,7 @@ from cospeech.methods.phase_classifier.scores import PhaseScores, confusion_of
 from cospeech.motion.bvh_writer import write_bvh
 from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.phases import PHASES, frame_phases
-from cospeech.motion.velocities import BodyJoints, mirrored_velocities, velocities
+from cospeech.motion.velocities import velocities
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.speech.audio import save_wav
 from data_modules.uci_phases import UciPhasesData
@@ -151,13 +151,15 @@ def test_training_windows_are_cut_at_random_places_of_their_runs(store):
     assert cut_at_random(batch.joints, None, batch.phases, fixed.window)[0] is batch.joints
 
 
-def test_the_mirror_is_the_one_of_velocities():
+def test_the_mirror_exchanges_sides_and_turns_x():
     roles = gesture_joints(SKELETON).roles[:16]
     joints = torch.randn(2, 9, 16, 3)
-    expected = mirrored_velocities(
-        velocities(joints, 20.0, speeds=False), BodyJoints(roles, "pelvis"), speeds=False
-    )
-    torch.testing.assert_close(velocities(mirrored(joints, roles), 20.0, speeds=False), expected)
+    seen = mirrored(joints, roles)
+    for i, role in enumerate(roles):
+        side, _, joint = role.partition("_")
+        other = roles.index(f"{'right' if side == 'left' else 'left'}_{joint}")
+        torch.testing.assert_close(seen[..., i, 0], -joints[..., other, 0])
+        torch.testing.assert_close(seen[..., i, 1:], joints[..., other, 1:])
 
 
 def test_sizes_vary_evenly_to_both_sides():

@@ -7,7 +7,6 @@ interleave to another, or the edge of a split.
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -23,14 +22,11 @@ from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.gesture_joints import gesture_joints
-from cospeech.motion.motion import resample_positions
+from cospeech.motion.interleaves import at_a_multiple
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.velocities import BodyJoints, body_positions
 from cospeech.progress import progress_bar
-from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
-from cospeech.speech.feature_sets.opensmile import opensmile_features
-
-logger = logging.getLogger(__name__)
+from cospeech.speech.feature_sets.opensmile import nearest_frames, opensmile_features
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +74,7 @@ class StepWindows:
         self._select = select
         spans = store.splits[split] if spans is None else spans
         if "acoustics" in needs:
-            spans = spans_with_sound(store, split, spans)
+            spans = store.spans_with_sound(spans, f"{split} windows")
         if "phases" in needs:
             spans = _with_phases(store, split, spans)
         every = progress_bar(spans, len(spans), f"{split} sequences at {spec.fps:g} fps")
@@ -153,7 +149,7 @@ class StepWindows:
         return GestureBatch(**fields)
 
     def _sequences(self, span: Span, every_interleave: bool) -> Iterator[_Sequence]:
-        store, steps_fps = self.store, self.spec.fps
+        store = self.store
         motion = store.motion(span.recording)
         first = math.ceil(span.start / EVALUATION_FPS * motion.fps - 1e-6)
         whole = span.stop >= store.recordings[span.recording].frames
@@ -162,11 +158,8 @@ class StepWindows:
             stop = min(stop, math.ceil(span.stop / EVALUATION_FPS * motion.fps - 1e-6))
         joints = self._joints_of(span.recording)
         positions = body_positions(motion.slice(first, stop), joints)
-        count = math.ceil(motion.fps / steps_fps - 1e-6)
-        rate = count * steps_fps
-        if not math.isclose(rate, motion.fps, rel_tol=1e-6):
-            positions = resample_positions(positions, motion.fps, rate)
-        times = first / motion.fps + np.arange(len(positions)) / rate
+        positions, count = at_a_multiple(positions, motion.fps, self.spec.fps)
+        times = first / motion.fps + np.arange(len(positions)) / (count * self.spec.fps)
         acoustics = np.zeros((len(positions), 0), dtype=np.float32)
         if "acoustics" in self.needs:
             acoustics = acoustics_at(store, span.recording, times)
@@ -211,33 +204,7 @@ def acoustics_at(store: Store, recording: int, times_s: NDArray[np.float64]) -> 
     Nothing is averaged: interleaved sequences have features of their own.
     """
     samples = store.read(recording, "audio")[:, 0]
-    features = opensmile_features(samples * np.float32(1 / 32767))
-    rows = np.rint(times_s * FEATURE_FPS).astype(np.int64)
-    return features[rows.clip(max=len(features) - 1)]
-
-
-def spans_with_sound(store: Store, split: str, spans: Sequence[Span]) -> list[Span]:
-    """The spans of recordings that have sound; a warning says how many have none.
-
-    Raises:
-        ConfigError: None has.
-    """
-    has_audio = store.recordings.columns["has_audio"]
-    heard = [span for span in spans if has_audio[span.recording]]
-    if spans and not heard:
-        raise ConfigError(
-            f"{store.name}: no {split} recording has sound, which the method needs",
-            "use a corpus with audio, or a method that reads none",
-        )
-    if len(heard) < len(spans):
-        logger.warning(
-            "%s: %d of %d %s recordings have no sound and are left out",
-            store.name,
-            len(spans) - len(heard),
-            len(spans),
-            split,
-        )
-    return heard
+    return nearest_frames(opensmile_features(samples * np.float32(1 / 32767)), times_s)
 
 
 def _with_phases(store: Store, split: str, spans: Sequence[Span]) -> list[Span]:

@@ -22,7 +22,9 @@ killed build leaves nothing that looks like a store.
 from __future__ import annotations
 
 import json
+import logging
 import mmap
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,13 +36,15 @@ from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.packing import EVALUATION_FPS
 from cospeech.corpus.recording_table import RecordingTable
 from cospeech.corpus.splits import Span
-from cospeech.errors import InputFileError
+from cospeech.errors import ConfigError, InputFileError
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 
 __all__ = ["EVALUATION_FPS", "SCHEMA_VERSION", "Store"]
+
+logger = logging.getLogger(__name__)
 
 SCHEMA_VERSION = 2
 
@@ -221,6 +225,29 @@ class Store:
         """Upper-body motion of a span at the evaluation rate."""
         positions = np.array(self.upper_body(span.recording, span.start, span.stop))
         return Motion(UPPER_BODY, EVALUATION_FPS, positions)
+
+    def spans_with_sound(self, spans: Sequence[Span], what_for: str) -> list[Span]:
+        """The spans of recordings that have sound; a warning says how many have none.
+
+        Args:
+            spans: Any.
+            what_for: What the sound is wanted for, for the messages.
+
+        Raises:
+            ConfigError: None has.
+        """
+        has_audio = self.recordings.columns["has_audio"]
+        heard = [span for span in spans if has_audio[span.recording]]
+        if spans and not heard:
+            raise ConfigError(
+                f"{self.name}: no recording has sound, which is needed for {what_for}",
+                "use a corpus with audio, or a method that reads none",
+            )
+        if len(heard) < len(spans):
+            silent = len(spans) - len(heard)
+            text = "%s: %d of %d recordings have no sound and are left out of %s"
+            logger.warning(text, self.name, silent, len(spans), what_for)
+        return heard
 
     def phases(self, recording: int) -> NDArray[np.int8] | None:
         """``(T,)`` phase label per native motion frame, or None."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,8 +16,6 @@ from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.speech.speech import SAMPLE_RATE
 from cospeech.speech.vocabulary import word_frames
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -76,7 +73,7 @@ class WindowDataset:
         self.store, self.split, self.spec, self.needs = store, split, spec, needs
         spans = store.splits[split]
         if "audio" in needs:
-            spans = self._with_audio(spans)
+            spans = store.spans_with_sound(spans, f"{split} windows")
         self.windows: NDArray[np.int64] = _windows(store, spans, spec)
         """``(n, 3)``: recording, first frame, first audio sample."""
         if not len(self.windows):
@@ -91,24 +88,6 @@ class WindowDataset:
             ids = store.speaker_ids
             column = store.recordings.columns["speaker"]
             self._speakers = np.array([ids.get(name, 0) for name in column], dtype=np.int64)
-
-    def _with_audio(self, spans: Sequence[Span]) -> list[Span]:
-        has_audio = self.store.recordings.columns["has_audio"]
-        heard = [span for span in spans if has_audio[span.recording]]
-        if spans and not heard:
-            raise ConfigError(
-                f"{self.store.name}: no {self.split} recording has sound, which the method needs",
-                "use a corpus with audio, or a method that reads none",
-            )
-        if len(heard) < len(spans):
-            logger.warning(
-                "%s: %d of %d %s recordings have no sound and are left out",
-                self.store.name,
-                len(spans) - len(heard),
-                len(spans),
-                self.split,
-            )
-        return heard
 
     def __len__(self) -> int:
         return len(self.windows)

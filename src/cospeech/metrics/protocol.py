@@ -60,10 +60,22 @@ def to_evaluation_windows(motion: Motion) -> Tensor:
             f"evaluation takes the upper-body joints, not skeleton {motion.skeleton.name}"
         )
     positions = torch.from_numpy(resample_positions(motion.positions, motion.fps, EVALUATION_FPS))
-    if len(positions) < EVALUATION_FRAMES:
-        return positions.new_empty(0, EVALUATION_FRAMES, len(UPPER_BODY), 3)
-    windows = positions.unfold(0, EVALUATION_FRAMES, EVALUATION_STRIDE)
-    return windows.movedim(-1, 1).contiguous()
+    return cut_windows(positions[None])
+
+
+def cut_windows(positions: Tensor) -> Tensor:
+    """Cut positions at the evaluation rate into windows of the evaluation space.
+
+    Args:
+        positions: ``(B, T, 10, 3)`` at 15 fps.
+
+    Returns:
+        ``(B n, 34, 10, 3)``; of each item the n windows that begin every ten frames.
+    """
+    if positions.shape[1] < EVALUATION_FRAMES:
+        return positions.new_empty(0, EVALUATION_FRAMES, *positions.shape[2:])
+    windows = positions.unfold(1, EVALUATION_FRAMES, EVALUATION_STRIDE)
+    return windows.movedim(-1, 2).flatten(0, 1)
 
 
 @torch.no_grad()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import torch
@@ -31,15 +30,6 @@ class BodyJoints:
     joints: tuple[str, ...]
     reference: str
     sideways: tuple[str, str] | None = None
-
-    @cached_property
-    def mirrored(self) -> tuple[int, ...]:
-        """For each joint the index of the one on the other side, by name; else its own."""
-        pairs = Skeleton("", self.joints, (-1,) * len(self.joints)).mirror_pairs
-        swap = list(range(len(self.joints)))
-        for left, right in pairs:
-            swap[left], swap[right] = right, left
-        return tuple(swap)
 
 
 def wrists(skeleton: Skeleton) -> BodyJoints:
@@ -116,25 +106,3 @@ def velocities(positions: Tensor, fps: float, speeds: bool) -> Tensor:
     # The root has no slope at 0; the added square is a tenth of a millimetre per second.
     lengths = (steps.square().sum(-1) + 1e-8).sqrt()
     return torch.cat([steps.flatten(-2), lengths], dim=-1)
-
-
-def mirrored_velocities(features: Tensor, joints: BodyJoints, speeds: bool) -> Tensor:
-    """What `velocities` gives for the body in a mirror: sides exchanged, x negated.
-
-    Args:
-        features: ``(..., C)``; channels after the velocities and speeds are left as they are.
-        joints: The joints of the features.
-        speeds: Whether the features have speeds.
-
-    Raises:
-        ValueError: There are fewer channels than that.
-    """
-    count, channels = len(joints.joints), features.shape[-1]
-    if channels < (4 if speeds else 3) * count:
-        raise ValueError(f"{channels} channels for {count} joints, speeds={speeds}")
-    order = [3 * joint + axis for joint in joints.mirrored for axis in range(3)]
-    order += [3 * count + joint for joint in joints.mirrored] if speeds else []
-    order += range(len(order), channels)
-    signs = torch.ones(channels)
-    signs[0 : 3 * count : 3] = -1
-    return features[..., order] * signs.to(features)

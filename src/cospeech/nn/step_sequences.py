@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,11 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import CospeechError
-from cospeech.motion.motion import Motion, resample_positions
+from cospeech.motion.interleaves import at_a_multiple
+from cospeech.motion.motion import Motion
 from cospeech.motion.velocities import BodyJoints, body_positions
 from cospeech.nn.phase_network import STEP_FPS
-from cospeech.speech.feature_sets.opensmile import COEFFICIENTS, opensmile_features
-from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
+from cospeech.speech.feature_sets.opensmile import (
+    COEFFICIENTS,
+    nearest_frames,
+    opensmile_features,
+)
 from cospeech.speech.speech import Speech
 
 
@@ -67,11 +70,8 @@ def step_sequences(motion: Motion, joints: BodyJoints, speech: Speech | None) ->
     Raises:
         CospeechError: The skeleton lacks a joint, or a sequence would have no step.
     """
-    positions = body_positions(motion, joints)
-    count = math.ceil(motion.fps / STEP_FPS - 1e-6)
+    positions, count = at_a_multiple(body_positions(motion, joints), motion.fps, STEP_FPS)
     rate = count * STEP_FPS
-    if not math.isclose(rate, motion.fps, rel_tol=1e-6):
-        positions = resample_positions(positions, motion.fps, rate)
     if len(positions) < 2 * count:
         raise CospeechError(
             f"the motion is {motion.duration:.2f} s long; phases need at least {2 / STEP_FPS:g} s"
@@ -115,5 +115,4 @@ def _pitch_at(speech: Speech, times_s: NDArray[np.float64]) -> NDArray[np.float3
     hertz = opensmile_features(speech.waveform)[:, COEFFICIENTS]
     if not len(hertz):
         raise CospeechError("the audio is too short for its pitch")
-    rows = np.rint(times_s * FEATURE_FPS).astype(np.int64)
-    return hertz[rows.clip(max=len(hertz) - 1)]
+    return nearest_frames(hertz, times_s)
