@@ -8,7 +8,10 @@ import torch
 from lightning import Callback, Trainer
 
 from callbacks.step_seed import SeedEachStep
+from cospeech.corpus.splits import Span
 from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.store_writer import StoreWriter
+from cospeech.corpus.synthetic import synthesise
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.motion.phases import PHASE_INDEX
@@ -52,6 +55,16 @@ def labelled_recording(name: str, seed: int, labelled: bool = True):
     stroke, hold = PHASE_INDEX["stroke"], PHASE_INDEX["hold"]
     phases = np.where(speed > np.median(speed), stroke, hold).astype(np.int8)
     return dataclasses.replace(recording, phases=phases)
+
+
+def embedded_store(folder):
+    """A minute and a half of the embedded corpus: fingers, five spine joints, phases, 60 fps."""
+    with StoreWriter(folder, "s", {}, "0") as writer:
+        for recording in synthesise(1.5, seed=5, speakers=1):
+            writer.add(recording)
+        frames = writer.columns()["frames"]
+        spans = [Span(i, 0, count) for i, count in enumerate(frames)]
+        return writer.finish({"train": spans, "val": spans[:1], "test": spans[:1]})
 
 
 def fingerless_store(folder, labelled: bool = True):

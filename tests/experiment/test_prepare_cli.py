@@ -49,6 +49,21 @@ def test_it_says_what_was_kept_and_dropped_and_where_the_report_is(reference):
     assert re.search(r"preparing ted.*60/60.*it/s", done.stderr)
 
 
+def started(outputs, databases, output):
+    """A preparation with two readers in the background, in a process group of its own."""
+    return subprocess.Popen(
+        command_line.arguments(
+            outputs, "data=ted", f"data.root={databases}", "data.workers=2", script="prepare.py"
+        ),
+        cwd=command_line.ROOT,
+        env=command_line.environment(),
+        stdout=output,
+        stderr=output,
+        text=True,
+        start_new_session=True,
+    )
+
+
 def test_the_bytes_do_not_depend_on_the_number_of_processes(reference, databases, tmp_path):
     done = prepare(tmp_path, databases, "data.workers=3")
     assert done.returncode == 0, done.stderr
@@ -56,20 +71,7 @@ def test_the_bytes_do_not_depend_on_the_number_of_processes(reference, databases
 
 
 def test_a_killed_preparation_goes_on_to_the_same_bytes(reference, databases, tmp_path):
-    process = subprocess.Popen(
-        command_line.arguments(
-            tmp_path,
-            "data=ted",
-            f"data.root={databases}",
-            "data.workers=2",
-            script="prepare.py",
-        ),
-        cwd=command_line.ROOT,
-        env=command_line.environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    process = started(tmp_path, databases, subprocess.DEVNULL)
     deadline = time.monotonic() + 120
     while True:
         journals = list(tmp_path.glob("stores/.*.building/journal.jsonl"))
@@ -91,21 +93,7 @@ def test_a_killed_preparation_goes_on_to_the_same_bytes(reference, databases, tm
 
 
 def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(databases, tmp_path):
-    process = subprocess.Popen(
-        command_line.arguments(
-            tmp_path,
-            "data=ted",
-            f"data.root={databases}",
-            "data.workers=2",
-            script="prepare.py",
-        ),
-        cwd=command_line.ROOT,
-        env=command_line.environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    process = started(tmp_path, databases, subprocess.PIPE)
     while not [p for p in tmp_path.glob("stores/.*.building/journal.jsonl") if p.stat().st_size]:
         assert process.poll() is None
         time.sleep(0.005)

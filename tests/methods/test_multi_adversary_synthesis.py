@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech.corpus.splits import Span
-from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.synthetic import synthesise
 from cospeech.errors import CospeechError
 from cospeech.methods.multi_adversary.synthesis import (
     at_evaluation_rate,
@@ -26,12 +23,7 @@ from tests import multi_adversary_runs as runs
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
     """The embedded corpus: fingers, five spine joints, 60 fps."""
-    with StoreWriter(tmp_path_factory.mktemp("s") / "s", "s", {}, "0") as writer:
-        for recording in synthesise(1.5, seed=5, speakers=1):
-            writer.add(recording)
-        frames = writer.columns()["frames"]
-        spans = [Span(i, 0, count) for i, count in enumerate(frames)]
-        return writer.finish({"train": spans, "val": spans[:1], "test": spans[:1]})
+    return runs.embedded_store(tmp_path_factory.mktemp("s") / "s")
 
 
 @pytest.fixture(scope="module")

@@ -302,7 +302,7 @@ def test_a_file_gives_the_same_classifier(tmp_path, merge, classes, options):
 
 def test_other_files_are_refused(tmp_path):
     path = tmp_path / "phase_classifier.pt"
-    with pytest.raises(InputFileError, match="no such file"):
+    with pytest.raises(InputFileError, match="no such weights file"):
         FrozenPhaseClassifier.load(path)
     path.write_bytes(b"not a checkpoint")
     with pytest.raises(InputFileError, match="read safely"):

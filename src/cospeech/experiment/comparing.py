@@ -10,10 +10,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from cospeech.errors import ConfigError
 from cospeech.experiment.building import build, chosen_encoder, require_same
-from cospeech.gesture_study.systems import TrainedSystem
 from cospeech.methods.base import GestureMethod
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.reporting.collect import Run, collect
+from cospeech.studies.gestures.systems import TrainedSystem
 
 
 def compare_runs(cfg: DictConfig, folder: Path) -> Any:

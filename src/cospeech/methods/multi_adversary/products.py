@@ -5,15 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
-import pickle
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from cospeech.errors import InputFileError
+from cospeech.nn.weights_file import read_weights, write_weights
 
 logger = logging.getLogger(__name__)
 
@@ -56,14 +54,8 @@ class Products:
         path = self.path(stage, key)
         if path is None:
             return
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            values = {"format": FORMAT, "key": key, "stage": stage, "content": content}
-            torch.save(values, temporary)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        values = {"format": FORMAT, "key": key, "stage": stage, "content": content}
+        write_weights(path, values)
         logger.info("%s is done; kept in %s", stage, path)
 
     def find(self, stage: str, key: str) -> dict[str, Any] | None:
@@ -76,14 +68,9 @@ class Products:
         if path is None or not path.is_file():
             return None
         hint = f"delete {path}: the stage then runs again"
-        try:
-            values = torch.load(path, map_location="cpu", weights_only=True)
-        except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
-            reason = str(error).strip().split("\n", 1)[0]
-            raise InputFileError(path, f"can't be read safely ({reason})", hint=hint) from error
-        found = values if isinstance(values, dict) else {}
+        found = read_weights(path, hint)
         if (found.get("format"), found.get("key"), found.get("stage")) != (FORMAT, key, stage):
             raise InputFileError(path, f"not the product of {stage} that its name says", hint=hint)
-        content: dict[str, Any] = values["content"]
+        content: dict[str, Any] = found["content"]
         logger.info("%s was done before: taken from %s", stage, path)
         return content

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import pickle
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +15,7 @@ from cospeech.errors import CospeechError, InputFileError
 from cospeech.metrics.encoder.frozen import EVALUATION_FRAMES, GestureEncoder
 from cospeech.metrics.encoder.network import POSE_SIZE, PoseAutoencoder, flattened_size
 from cospeech.motion.upper_body import TED_AXES
+from cospeech.nn.weights_file import read_weights, write_weights
 
 FORMAT = "cospeech.gesture_encoder"
 VERSION = 1
@@ -38,7 +36,6 @@ def save_encoder(encoder: GestureEncoder, path: str | Path) -> None:
         encoder: What to save.
         path: File to write; an existing one is replaced.
     """
-    path = Path(path)
     metadata = {
         "format": FORMAT,
         "version": VERSION,
@@ -47,14 +44,7 @@ def save_encoder(encoder: GestureEncoder, path: str | Path) -> None:
         "source": encoder.source,
     }
     state = {name: tensor.cpu() for name, tensor in encoder.state_dict().items()}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        content = {"format": FORMAT, "metadata": json.dumps(metadata), "state": state}
-        torch.save(content, temporary)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_weights(path, {"format": FORMAT, "metadata": json.dumps(metadata), "state": state})
 
 
 def load_encoder(path: str | Path) -> GestureEncoder:
@@ -117,28 +107,14 @@ def load_any(path: str | Path, frames: int = EVALUATION_FRAMES) -> GestureEncode
 
 
 def _read(path: Path) -> dict[str, Any]:
-    if not path.is_file():
-        raise InputFileError(path, "no such encoder file", hint=_OTHER_ENCODER)
-    size = path.stat().st_size
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            size = max(size, sum(entry.file_size for entry in archive.infolist()))
-    if size > LARGEST_FILE_BYTES:
-        raise InputFileError(
-            path, f"{size / 2**20:.0f} MiB is too large for a gesture encoder", hint=_OTHER_ENCODER
-        )
-    try:
-        # Published files carry their training arguments as an argparse.Namespace.
-        with torch.serialization.safe_globals([argparse.Namespace]):
-            content = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
-        reason = str(error).strip().split("\n", 1)[0]
-        raise InputFileError(
-            path, f"not a checkpoint that can be read safely ({reason})", hint=_OTHER_ENCODER
-        ) from error
-    if not isinstance(content, dict):
-        raise InputFileError(path, "holds no encoder", hint=_OTHER_ENCODER)
-    return content
+    # Published files carry their training arguments as an argparse.Namespace.
+    return read_weights(
+        path,
+        _OTHER_ENCODER,
+        kind="encoder",
+        largest_bytes=LARGEST_FILE_BYTES,
+        allowed=[argparse.Namespace],
+    )
 
 
 def _from_own_file(path: Path, content: dict[str, Any]) -> GestureEncoder:

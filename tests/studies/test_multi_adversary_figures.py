@@ -11,9 +11,6 @@ from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.synthetic import synthesise
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
-from cospeech.gesture_study import TrainedSystem, multi_adversary_figures
-from cospeech.gesture_study.held_out import held_out_part, training_mean_pose
-from cospeech.gesture_study.systems import in_paper_order, label_joints
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.encoder.network import PoseAutoencoder
@@ -24,6 +21,9 @@ from cospeech.motion.velocities import body_positions
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.nn.phase_network import PhaseFeatures, PhaseNetwork, PhaseSizes
 from cospeech.nn.step_sequences import step_sequences
+from cospeech.studies.gestures import TrainedSystem, multi_adversary_figures
+from cospeech.studies.gestures.held_out import held_out_part, training_mean_pose
+from cospeech.studies.gestures.systems import in_paper_order, label_joints
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Studies of the evaluation itself, over a prepared corpus."""
+"""Disturbs real motion and looks at what metrics make of it, over a prepared corpus."""
 
 from __future__ import annotations
 

@@ -15,22 +15,6 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows
-from cospeech.gesture_study.held_out import (
-    FPS,
-    FRAMES,
-    VELOCITY_WINDOWS,
-    held_out_part,
-    takes_of,
-    training_mean_pose,
-)
-from cospeech.gesture_study.results import as_json, study_facts
-from cospeech.gesture_study.systems import (
-    MakesJoints,
-    TrainedSystem,
-    in_paper_order,
-    label_joints,
-    motion_of,
-)
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.gesture_statistics.findings import judge
 from cospeech.metrics.gesture_statistics.measuring import measure_systems
@@ -44,6 +28,22 @@ from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.reporting.gesture_figures import GestureFigures, text_table, write_gesture_figures
 from cospeech.reporting.record import write_json
+from cospeech.studies.gestures.held_out import (
+    FPS,
+    FRAMES,
+    VELOCITY_WINDOWS,
+    held_out_part,
+    takes_of,
+    training_mean_pose,
+)
+from cospeech.studies.gestures.results import as_json, study_facts
+from cospeech.studies.gestures.systems import (
+    MakesJoints,
+    TrainedSystem,
+    in_paper_order,
+    label_joints,
+    motion_of,
+)
 
 RANGE_WINDOWS = 50
 """As many as the paper's figure 11 takes; fewer where the part has fewer."""
