@@ -1,7 +1,8 @@
 """Rate and memory of reading the Berkeley sets, beside reading the same bytes.
 
-A fabricated 3-D file (items of 64 frames as published, with sound, face and image names) is read item by item,
-and a fabricated table of the 2-D set is indexed; one process each, so that peak memory is its own.
+A fabricated 3-D file (items of 64 frames as published, with sound, face and image names) is read
+item by item, and a fabricated table of the 2-D set is indexed; one process each, so that peak
+memory is its own.
 Prints a table and, as the last line, the same numbers as JSON.
 Run: python benchmarks/berkeley.py --items 3000 --rows 2000000
 """
