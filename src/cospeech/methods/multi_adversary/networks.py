@@ -69,12 +69,15 @@ class Generator(nn.Module):
 
 
 class SequenceDiscriminator(nn.Module):
-    """Dense, dropout, GRU, sigmoid of its last state: one probability of being real per window.
+    """Dense, dropout, LSTM, sigmoid of its last state: one probability of being real per window.
+
+    An LSTM, where the paper says "recurrent layer": on CPUs torch has a fused one, and none for
+    GRUs, whose hundred steps cost two to four times as much at small sizes.
 
     Args:
         inputs: Numbers per step.
         dense: Units of the dense layer.
-        hidden: Units of the GRU.
+        hidden: Units of the LSTM.
         dropout: Rate after the dense layer.
     """
 
@@ -82,13 +85,13 @@ class SequenceDiscriminator(nn.Module):
         super().__init__()
         self.dense = nn.Linear(inputs, dense)
         self.dropout = nn.Dropout(dropout)
-        self.gru = nn.GRU(dense, hidden, batch_first=True)
+        self.lstm = nn.LSTM(dense, hidden, batch_first=True)
         self.output = nn.Linear(hidden, 1)
 
     def forward(self, windows: Tensor) -> Tensor:
         """Probabilities ``(B,)`` of windows ``(B, T, inputs)``."""
         hidden = self.dropout(functional.relu(self.dense(windows)))
-        _, last = self.gru(hidden)
+        _, (last, _) = self.lstm(hidden)
         return torch.sigmoid(self.output(last[-1])).squeeze(-1)
 
 

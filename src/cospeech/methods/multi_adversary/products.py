@@ -16,7 +16,7 @@ from cospeech.nn.weights_file import read_weights, write_weights
 logger = logging.getLogger(__name__)
 
 FORMAT = "cospeech.multi_adversary.product"
-VERSION = 1
+VERSION = 2
 """Counted up when a stage's code changes, as older products aren't what it would make."""
 
 
