@@ -18,7 +18,7 @@ def test_similarities_are_salimans_double_loop():
     torch.manual_seed(0)
     layer = MinibatchSimilarity(12, kernels=4, kernel_size=3)
     windows = torch.randn(5, 12)
-    projected = (windows @ layer.weight).reshape(5, 4, 3)
+    projected = (windows @ layer.weight * layer.scale).reshape(5, 4, 3)
     expected = torch.zeros(5, 4)
     for i in range(5):
         for j in range(5):
@@ -39,10 +39,22 @@ def test_equal_windows_are_wholly_alike_and_a_lone_one_like_none():
 def test_the_first_distances_are_near_one():
     torch.manual_seed(1)
     layer = MinibatchSimilarity(6300, kernels=100, kernel_size=3)
-    projected = (torch.randn(32, 6300) @ layer.weight).unflatten(1, (100, 3))
+    projected = (torch.randn(32, 6300) @ layer.weight * layer.scale).unflatten(1, (100, 3))
     distances = (projected[:, None] - projected[None]).abs().sum(-1)
     others = distances[~torch.eye(32, dtype=torch.bool)]
     assert float(others.mean()) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_step_of_rmsprop_hardly_changes_the_first_similarities():
+    """As of other networks, whose weights are fewer and larger (see `MinibatchSimilarity`)."""
+    torch.manual_seed(3)
+    layer = MinibatchSimilarity(6300, kernels=100, kernel_size=3)
+    windows = torch.randn(16, 6300)
+    before = layer(windows).detach()
+    optimizer = torch.optim.RMSprop(layer.parameters(), lr=1e-4)
+    layer(windows).sum().backward()
+    optimizer.step()
+    assert 1e-5 < float((layer(windows) - before).abs().mean()) < 0.01
 
 
 def test_the_minibatch_adversary_sees_repetition_and_the_others_do_not():

@@ -113,12 +113,15 @@ class MinibatchSimilarity(nn.Module):
         self.kernels, self.kernel_size = kernels, kernel_size
         # Of independent z-scores, a kernel's distances then have a mean of 1. With much larger
         # ones every exponential, and its gradient, would be 0.
-        scale = math.sqrt(math.pi) / (2 * kernel_size * math.sqrt(inputs))
-        self.weight = nn.Parameter(torch.randn(inputs, kernels * kernel_size) * scale)
+        self.scale = math.sqrt(math.pi) / (2 * kernel_size * math.sqrt(inputs))
+        # The scale is no part of the weights, or RMSprop's steps, the same for weights of all
+        # sizes, would turn these thousands of small ones many times as fast as other networks.
+        self.weight = nn.Parameter(torch.randn(inputs, kernels * kernel_size))
 
     def forward(self, windows: Tensor) -> Tensor:
         """Similarities ``(B, kernels)`` in [0, 1] of windows ``(B, inputs)``; 0 for one alone."""
-        kernels = (windows @ self.weight).unflatten(1, (self.kernels, self.kernel_size))
+        projected = self.scale * (windows @ self.weight)
+        kernels = projected.unflatten(1, (self.kernels, self.kernel_size))
         distances = (kernels[:, None] - kernels[None]).abs().sum(dim=-1)
         count = len(windows)
         # A window's resemblance to itself says nothing: exp(0) = 1 is taken off.
@@ -126,15 +129,19 @@ class MinibatchSimilarity(nn.Module):
 
 
 class MinibatchDiscriminator(nn.Module):
-    """Minibatch similarities beside a dense view of the window, dropout, dense, sigmoid.
+    """Minibatch similarities, dense, dropout, dense, sigmoid (figure 9b).
+
+    It sees how alike the windows of a batch are, and nothing else of them. Beside a dense view of
+    each window, which Salimans et al. have, it learns its training windows by heart, and what it
+    then asks of the generator differs from step to step: jitter.
 
     Args:
         frames: Steps per window.
         inputs: Numbers per step.
         kernels: Similarities per window.
         kernel_size: Dimensions of each kernel.
-        dense: Units of the window's own embedding.
-        hidden: Units of the last dense layer.
+        dense: Units of the first dense layer.
+        hidden: Units of the second.
         dropout: Rate between the two.
     """
 
@@ -150,14 +157,13 @@ class MinibatchDiscriminator(nn.Module):
     ) -> None:
         super().__init__()
         self.similarity = MinibatchSimilarity(frames * inputs, kernels, kernel_size)
-        self.dense = nn.Linear(frames * inputs, dense)
+        self.dense = nn.Linear(kernels, dense)
         self.dropout = nn.Dropout(dropout)
-        self.hidden = nn.Linear(dense + kernels, hidden)
+        self.hidden = nn.Linear(dense, hidden)
         self.output = nn.Linear(hidden, 1)
 
     def forward(self, windows: Tensor) -> Tensor:
         """Probabilities ``(B,)`` of the windows ``(B, T, inputs)`` of one batch, seen together."""
-        flat = windows.flatten(1)
-        seen = torch.cat([functional.relu(self.dense(flat)), self.similarity(flat)], dim=1)
-        hidden = functional.relu(self.hidden(self.dropout(seen)))
-        return torch.sigmoid(self.output(hidden)).squeeze(-1)
+        similarities = self.similarity(windows.flatten(1))
+        seen = self.dropout(functional.relu(self.dense(similarities)))
+        return torch.sigmoid(self.output(functional.relu(self.hidden(seen)))).squeeze(-1)
