@@ -24,11 +24,16 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
         folder: Where the study writes.
 
     Raises:
-        ConfigError: ``runs`` isn't set, no run there is finished, or they are of several corpora.
+        ConfigError: ``runs`` isn't set, ``checkpoint`` is neither best nor last, no run there is
+            finished, or they are of several corpora.
     """
     if OmegaConf.is_missing(cfg, "runs"):
         raise ConfigError("runs is not set", "add runs=DIR, a folder with finished runs below it")
-    runs = [run for run in collect(cfg.runs).runs if run.status == "ok" and _best(run).is_file()]
+    if cfg.checkpoint not in ("best", "last"):
+        raise ConfigError(f"checkpoint={cfg.checkpoint!r} is not one of best, last")
+    file = Path("checkpoints") / f"{cfg.checkpoint}.ckpt"
+    found = collect(cfg.runs).runs
+    runs = [run for run in found if run.status == "ok" and (run.folder / file).is_file()]
     makers = [run for run in runs if hasattr(_method(run), "sample_joints")]
     if not makers:
         raise ConfigError(
@@ -40,7 +45,9 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
     systems: list[TrainedSystem] = []
     for run in makers:
         require_same(run.values["data_fingerprint"], store.fingerprint, f"{run.folder}: the corpus")
-        model = _method(run).load_from_checkpoint(_best(run), map_location="cpu", weights_only=True)
+        model = _method(run).load_from_checkpoint(
+            run.folder / file, map_location="cpu", weights_only=True
+        )
         name = str(run.values["ablation"]).split("__")[-1]
         systems.append(TrainedSystem(name, int(run.values["seed"]), model))
     classifier = cfg.classifier and FrozenPhaseClassifier.load(cfg.classifier)
@@ -55,10 +62,6 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
         systems=systems,
         classifier=classifier,
     )
-
-
-def _best(run: Run) -> Path:
-    return run.folder / "checkpoints" / "best.ckpt"
 
 
 def _method(run: Run) -> type[GestureMethod]:
