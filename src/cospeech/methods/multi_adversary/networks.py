@@ -129,19 +129,15 @@ class MinibatchSimilarity(nn.Module):
 
 
 class MinibatchDiscriminator(nn.Module):
-    """Minibatch similarities, dense, dropout, dense, sigmoid (figure 9b).
-
-    It sees how alike the windows of a batch are, and nothing else of them. Beside a dense view of
-    each window, which Salimans et al. have, it learns its training windows by heart, and what it
-    then asks of the generator differs from step to step: jitter.
+    """Minibatch similarities beside a dense view of the window, dropout, dense, sigmoid.
 
     Args:
         frames: Steps per window.
         inputs: Numbers per step.
         kernels: Similarities per window.
         kernel_size: Dimensions of each kernel.
-        dense: Units of the first dense layer.
-        hidden: Units of the second.
+        dense: Units of the window's own embedding.
+        hidden: Units of the last dense layer.
         dropout: Rate between the two.
     """
 
@@ -157,13 +153,14 @@ class MinibatchDiscriminator(nn.Module):
     ) -> None:
         super().__init__()
         self.similarity = MinibatchSimilarity(frames * inputs, kernels, kernel_size)
-        self.dense = nn.Linear(kernels, dense)
+        self.dense = nn.Linear(frames * inputs, dense)
         self.dropout = nn.Dropout(dropout)
-        self.hidden = nn.Linear(dense, hidden)
+        self.hidden = nn.Linear(dense + kernels, hidden)
         self.output = nn.Linear(hidden, 1)
 
     def forward(self, windows: Tensor) -> Tensor:
         """Probabilities ``(B,)`` of the windows ``(B, T, inputs)`` of one batch, seen together."""
-        similarities = self.similarity(windows.flatten(1))
-        seen = self.dropout(functional.relu(self.dense(similarities)))
-        return torch.sigmoid(self.output(functional.relu(self.hidden(seen)))).squeeze(-1)
+        flat = windows.flatten(1)
+        seen = torch.cat([functional.relu(self.dense(flat)), self.similarity(flat)], dim=1)
+        hidden = functional.relu(self.hidden(self.dropout(seen)))
+        return torch.sigmoid(self.output(hidden)).squeeze(-1)
