@@ -39,6 +39,26 @@ SMALL = {
 }
 """Three levels of at most two batches: at most 3 + 3 + 6 + 2 + 3 steps."""
 
+TINY = (
+    "experiment=multi_adversary_quick",
+    "data.minutes=6",
+    "data.speakers=2",
+    "metrics.encoder_epochs=1",
+    "model.hidden_size=16",
+    "model.classifier_sizes={dense: 8, recurrent: 8, bidirectional: 8}",
+    "model.classifier_steps=5",
+    "model.pretraining_steps=5",
+    "model.snapshots=2",
+    "model.curriculum_batches=2",
+    "model.motion_pretraining_steps=2",
+    "model.adversarial_steps=4",
+    "training.batch_size=8",
+    "callbacks.render_samples.video=false",
+    "callbacks.render_samples.clips=1",
+    "logger=none",
+)
+"""The same from the command line, on the embedded corpus."""
+
 
 def labelled_recording(name: str, seed: int, labelled: bool = True):
     """Noise that swells, wrists on circles; strokes where the left one is fast, else holds."""
@@ -87,7 +107,7 @@ def loader(method, store, split, runs=4):
 
 @functools.lru_cache
 def _windows(store, split, spec, needs, training):
-    return StepWindows(store, split, spec, needs, training)
+    return StepWindows(store, split, spec, needs, training, unlabelled=True)
 
 
 class SaveAt(Callback):

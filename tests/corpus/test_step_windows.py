@@ -5,7 +5,7 @@ import pytest
 
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.splits import SPLITS, Span
-from cospeech.corpus.step_windows import StepWindows, evaluation_frames
+from cospeech.corpus.step_windows import UNLABELLED, StepWindows, evaluation_frames
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.synthetic import synthesise
 from cospeech.corpus.windows import WindowSpec
@@ -17,6 +17,7 @@ from cospeech.motion.velocities import body_positions, wrists
 from cospeech.speech.feature_sets.opensmile import opensmile_features
 from cospeech.speech.speech import Speech
 from tests.corpora import make_recording, make_store
+from tests.multi_adversary_runs import labelled_recording
 
 SPEC = WindowSpec(fps=20, frames=100, seed_frames=0, stride=50, run=2)
 ALL = frozenset({"joints", "acoustics", "phases", "positions", "speakers"})
@@ -104,6 +105,20 @@ def test_what_the_corpus_lacks_is_named(tmp_path):
         StepWindows(store, "train", SPEC, ALL, every_interleave=True)
     windows = StepWindows(store, "train", SPEC, ALL - {"phases"}, every_interleave=True)
     assert windows.batch([0]).joints.shape == (2, 100, 8, 3)  # no fingers, two spine joints
+
+
+def test_recordings_without_phases_are_kept_where_wanted(tmp_path):
+    takes = [labelled_recording(f"t{i}", i, labelled=i % 2 == 0) for i in range(6)]
+    store = make_store(tmp_path, takes)
+    labelled = [recording.has_phases for recording in store.recordings]
+    for split in SPLITS:
+        recordings = [span.recording for span in store.splits[split]]
+        dataset = StepWindows(store, split, SPEC, ALL, every_interleave=True, unlabelled=True)
+        assert set(dataset.recordings) == set(recordings)
+        known = dataset.phases != UNLABELLED
+        assert (known == np.array(labelled)[dataset.recordings]).all()
+    strict = StepWindows(store, "train", SPEC, ALL, every_interleave=True)
+    assert all(labelled[recording] for recording in set(strict.recordings))
 
 
 def test_recordings_without_sound_are_left_out(tmp_path):

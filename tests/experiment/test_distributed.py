@@ -7,13 +7,45 @@ import torch
 
 from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowDataset
+from cospeech.methods.multi_adversary import MultiAdversary
+from cospeech.methods.multi_adversary.judging import Tally
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import load_encoder
 from cospeech.metrics.fgd import FrechetGestureDistance
 from tests import command_line
 from tests.command_line import SMALL
+from tests.multi_adversary_runs import TINY
 
 pytestmark = pytest.mark.slow
+
+
+def test_two_processes_go_through_the_stages_together(tmp_path):
+    done = command_line.run(
+        tmp_path,
+        *TINY,
+        "model=multi_adversary",
+        "trainer=ddp",
+        "training.epochs=20",
+        "model.run=1",
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    ((folder, record),) = command_line.records(tmp_path).items()
+    assert record["status"] == "ok"
+    assert record["epochs"][-1]["train/stage"] == 5
+    stages = {path.name.split("-")[0] for path in (tmp_path / "products").iterdir()}
+    assert len(stages) == 4
+    # Selected by all validation windows, as one process counts them.
+    (manifest,) = tmp_path.glob("stores/*/manifest.json")
+    method = MultiAdversary.load_from_checkpoint(
+        folder / "checkpoints" / "last.ckpt", weights_only=True
+    ).eval()
+    windows = method.windows(Store(manifest.parent), "val")
+    batch = windows.batch(range(len(windows)))
+    wrists = [method.layout.roles.index(f"{side}_wrist") for side in ("left", "right")]
+    tally = Tally(wrists, 20.0, None)
+    tally.add("generated", method.sample_joints(batch), None)
+    tally.add("real", batch.joints, None)
+    assert record["epochs"][-1]["val/wrist_speed_gap"] == pytest.approx(tally.gap(), rel=1e-3)
 
 
 def test_two_processes_share_the_windows_and_the_metrics(tmp_path):

@@ -1,31 +1,14 @@
 """The ablations as one multirun, and the paper's figures of them, as a user types them."""
 
 import json
+import shutil
 
 import pytest
 
 from tests import command_line
+from tests.multi_adversary_runs import TINY
 
 pytestmark = pytest.mark.slow
-
-TINY = (
-    "experiment=multi_adversary_quick",
-    "data.minutes=6",
-    "data.speakers=2",
-    "metrics.encoder_epochs=1",
-    "model.hidden_size=16",
-    "model.classifier_sizes={dense: 8, recurrent: 8, bidirectional: 8}",
-    "model.classifier_steps=5",
-    "model.pretraining_steps=5",
-    "model.snapshots=2",
-    "model.curriculum_batches=2",
-    "model.motion_pretraining_steps=2",
-    "model.adversarial_steps=4",
-    "training.batch_size=8",
-    "callbacks.render_samples.video=false",
-    "callbacks.render_samples.clips=1",
-    "logger=none",
-)
 
 
 def test_ablations_over_seeds_and_their_figures(tmp_path):
@@ -60,7 +43,21 @@ def test_ablations_over_seeds_and_their_figures(tmp_path):
     names = [system["name"] for system in figures["systems"]]
     assert names == ["real", "full", "mse_only"]
     assert [system["seeds"] for system in figures["systems"][1:]] == [[0, 1], [0, 1]]
-    verdicts = {verdict["claim"]: verdict for verdict in figures["findings"]}
-    slowest = verdicts["the mean squared error alone gives the slowest motion of all"]
-    assert [part["seeds_that_agree"][1] for part in slowest["comparisons"]] == [2]
-    assert "no_motion" in slowest["not_run"]
+    verdicts = {verdict["claim"][:41]: verdict for verdict in figures["findings"]}
+    slow = verdicts["the mean squared error alone gives slow, "]
+    assert [part["seeds_that_agree"][1] for part in slow["comparisons"]] == [2, 2]
+    assert "no_motion" in slow["not_run"]
+    assert figures["facts"]["checkpoints"] == "last"
+    assert "full, seed 0" in figures["facts"]["phases judged by"]
+
+    # Runs that don't belong together are not taken for seeds of one system.
+    (folder,) = (tmp_path / "studies").glob("*/multi_adversary-synthetic-full-s0-*")
+    shutil.copytree(folder, folder.with_name("again"))
+    refused = command_line.run(tmp_path, *study, script="evaluate.py")
+    assert refused.returncode == 1
+    assert "are both full, seed 0" in refused.stderr
+    record = json.loads((folder / "record.json").read_text())
+    record["seed"], record["config"]["model"]["learning_rate"] = 7, 0.1
+    (folder.with_name("again") / "record.json").write_text(json.dumps(record))
+    refused = command_line.run(tmp_path, *study, script="evaluate.py")
+    assert "have different settings" in refused.stderr

@@ -1,7 +1,9 @@
 """One run through all stages: what each may move, resuming in each, products."""
 
+import dataclasses
 import json
 
+import numpy as np
 import pytest
 import torch
 
@@ -9,6 +11,7 @@ from cospeech.errors import ConfigError, CospeechError
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.methods.multi_adversary.stages import STAGES
 from tests import multi_adversary_runs as runs
+from tests.corpora import make_store
 
 
 @pytest.fixture(scope="module")
@@ -171,14 +174,16 @@ def test_the_epochs_tell_of_their_own_stages_only(straight):
             assert sum(shares) == pytest.approx(1, abs=1e-5)
 
 
-def test_only_the_last_stage_can_be_the_best_epoch(straight):
-    _, watch, _ = straight
-    for epoch in watch.epochs:
-        gap = epoch["val/wrist_speed_gap"]
-        assert 0 < gap < 100
-        reached = epoch["train/stage"] >= 4  # the epoch may end in the stage that follows
-        assert epoch["val/adversarial_gap"] in ((gap, 1e9) if reached else (1e9,))
-    assert watch.epochs[-1]["val/adversarial_gap"] == watch.epochs[-1]["val/wrist_speed_gap"]
+def test_only_the_second_half_of_the_last_stage_can_be_the_best_epoch(store):
+    method = runs.build(store, adversaries=dict.fromkeys(ADVERSARIES), adversarial_steps=8)
+    method.schedule.lengths.pop("pretraining")
+    method.progress = type(method.progress)("adversarial")
+    watch = runs.fit(method, store, validate=True)
+    assert (len(watch.stages), len(watch.epochs)) == (8, 3)  # after 3, 6 and 8 steps
+    gaps = [epoch["val/wrist_speed_gap"] for epoch in watch.epochs]
+    assert all(0 < gap < 100 for gap in gaps)
+    chosen = [epoch["val/adversarial_gap"] for epoch in watch.epochs]
+    assert chosen == [1e9, *gaps[1:]]
 
 
 def test_a_later_run_skips_what_was_done_and_starts_from_the_same(store, tmp_path):
@@ -332,6 +337,46 @@ def test_without_fingers_the_joints_shrink_and_there_is_no_finger_penalty(straig
     assert not any("fingers" in name for row in watch.logged for name in row)
 
 
+def test_fingers_are_held_by_their_penalty_and_hard_labels_train(tmp_path):
+    store = runs.embedded_store(tmp_path)
+    settings = {"hidden_size": 8, "adversarial_steps": 2, "run": 1, "labels": "hard"}
+    logs = {}
+    for weight in (0.0, 1.0):
+        method = runs.build(store, finger_weight=weight, **settings)
+        logs[weight] = runs.fit(method, store).logged[-1]
+        assert len(method.layout.finger_tips) == 10
+    for weight, row in logs.items():
+        parts = row["train/mse"] + row["train/continuity"] + weight * row["train/fingers"]
+        assert row["train/correction"] == pytest.approx(parts, rel=1e-5)
+        assert row["train/fingers"] > 0
+        assert np.isfinite(list(row.values())).all()
+
+
+def test_a_classifier_learns_from_what_is_annotated_and_the_generator_from_all(tmp_path):
+    takes = [runs.labelled_recording(f"take{i}", i, labelled=i % 2 == 0) for i in range(6)]
+    store = make_store(tmp_path, takes)
+    full, without = runs.build(store), runs.build(store, adversaries={"motion": {"weight": 1}})
+    datasets = [method.windows(store, "train") for method in (full, without)]
+    assert len(datasets[0]) == len(datasets[1])
+    batch = datasets[0].batch(range(len(datasets[0])))
+    known = (batch.phases >= 0).all(dim=1)
+    assert 0 < int(known.sum()) < len(known)
+    full.players.fit_scales([batch], list(full.layout.arms))
+    student = full.players.student.eval()
+    annotated = dataclasses.replace(
+        batch, **{name: getattr(batch, name)[known] for name in ("joints", "acoustics", "phases")}
+    )
+    for one, other in zip(student.loss(batch, 0, 1), student.loss(annotated, 0, 1), strict=True):
+        torch.testing.assert_close(one, other)
+    none = dataclasses.replace(
+        batch, **{name: getattr(batch, name)[~known] for name in ("joints", "acoustics", "phases")}
+    )
+    assert float(student.loss(none, 0, 1)[0]) == 0
+    watch = runs.fit(full, store, validate=True)
+    assert watch.stages[-1] == "adversarial"
+    assert 0 <= watch.epochs[-1]["val/classifier_accuracy"] <= 1
+
+
 def test_a_named_classifier_takes_the_stages_place(store, straight, tmp_path):
     trained = straight[0].views.classifier
     trained.save(tmp_path / "phases.pt")
@@ -344,11 +389,11 @@ def test_a_named_classifier_takes_the_stages_place(store, straight, tmp_path):
     # A resumed run has it in its checkpoint.
     (tmp_path / "phases.pt").unlink()
     resumed = runs.build(store, classifier=str(tmp_path / "phases.pt"))
-    method_path = tmp_path / "4.ckpt"
-    loaded = MultiAdversary.load_from_checkpoint(method_path, weights_only=True)
-    assert loaded.views.classifier is not None
+    runs.fit(resumed, store, checkpoint=tmp_path / "4.ckpt")
+    assert_equal(resumed, method)
+    fresh = runs.build(store, classifier=str(tmp_path / "phases.pt"))
     with pytest.raises(CospeechError, match=r"phases\.pt"):
-        runs.fit(resumed, store)
+        runs.fit(fresh, store)
 
 
 def test_a_classifier_of_other_classes_is_refused_with_the_setting(store, tmp_path):

@@ -1,5 +1,7 @@
 """Systems measured side by side, and the paper's findings held against them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from cospeech.metrics.gesture_statistics.findings import (
     DISAGREES,
     FINDINGS,
     PAPER_ORDERS,
+    PARTLY,
     UNCLEAR,
     judge,
 )
@@ -145,7 +148,7 @@ def made(name, values, spread=0.0, seeds=1):
     nothing = np.zeros(0)
     return SystemStatistics(
         name,
-        tuple(range(len(next(iter(by_seed.values()))))),
+        (None,) if name == "real" else tuple(range(len(next(iter(by_seed.values()))))),
         {key: mean_estimate(each) for key, each in by_seed.items()},
         by_seed,
         {},
@@ -194,8 +197,29 @@ def test_a_factor_widens_the_comparison():
     assert verdict([real, slow], "far slower than real").answer == DISAGREES
     slower = made("mse_only", {"velocity": 0.4})
     found = verdict([real, slower], "far slower than real")
-    assert found.answer == AGREES
+    assert found.answer == PARTLY
     assert found.missing == ("no_displacement",)
+    both = [real, slower, made("no_displacement", {"velocity": 0.3})]
+    assert verdict(both, "far slower than real").answer == AGREES
+
+
+def test_without_an_interval_nothing_is_decided():
+    real = made("real", {"velocity": 1.0})
+    fast = made("no_minibatch", {"velocity": 2.0})
+    for system in (real, fast):
+        known = system.estimates["velocity"]
+        system.estimates["velocity"] = Estimate(known.value, np.zeros(0))
+    found = verdict([real, fast], FASTER)
+    assert (found.parts[0].clear, found.answer) == (None, UNCLEAR)
+
+
+def test_seeds_are_compared_by_their_number():
+    full = made("full", {"held": (1.0, 5.0)})
+    other = dataclasses.replace(made("no_phase", {"held": (2.0, 0.5)}), seeds=(1, 2))
+    found = verdict([made("real", {"held": 9.0}), full, other], "no clear holds")
+    parts = {part.comparison.larger: part for part in found.parts}
+    assert parts["full"].seeds == (1, 1)  # of seed 1 alone: 2.0 < 5.0
+    assert parts["real"].seeds == (2, 2)
 
 
 def test_without_its_systems_a_finding_has_no_answer():

@@ -228,7 +228,7 @@ def test_the_numbers_are_in_the_tables(systems):
     text = text_table(systems, judge(systems))
     (velocity,) = [line for line in text.splitlines() if line.startswith("wrist velocity")]
     assert velocity.split()[-3:] == ["20.0", "18.0", "40.0"]
-    assert "holds          without the minibatch discriminator, motion is faster" in text
+    assert "holds                without the minibatch discriminator, motion is faster" in text
 
 
 def test_findings_with_their_numbers(systems):

@@ -181,8 +181,8 @@ def test_real_motion_and_half_of_it(store, held_out, classifier, tmp_path, capsy
     assert value(full, "seam") == pytest.approx(value(real, "seam"), rel=1e-3)
     assert value(full, "fgd") == pytest.approx(0, abs=1e-9)
     assert value(half, "fgd") > 10 * abs(value(full, "fgd"))
-    answers = {finding["claim"]: finding["answer"] for finding in kept["findings"]}
-    assert answers["the mean squared error alone gives the slowest motion of all"] == "holds"
+    answers = {finding["claim"][:41]: finding["answer"] for finding in kept["findings"]}
+    assert answers["the mean squared error alone gives slow, "] == "holds as far as run"
     assert (tmp_path / "figures.html").read_text().count("<svg") > 10
     printed = capsys.readouterr().out
     assert "wrist velocity, cm/s" in printed

@@ -28,6 +28,9 @@ from cospeech.motion.velocities import BodyJoints, body_positions
 from cospeech.progress import progress_bar
 from cospeech.speech.feature_sets.opensmile import nearest_frames, opensmile_features
 
+UNLABELLED = -1
+"""The phase of a step that nobody annotated."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Sequence:
@@ -54,6 +57,8 @@ class StepWindows:
         every_interleave: Use all interleaves (training), or only the first (judging).
         select: Other joints than the gesturing ones, by the recording's skeleton.
         spans: Other stretches than the split's.
+        unlabelled: Where phases are needed, keep recordings without, whose steps are
+            `UNLABELLED`; the training part needs one with phases.
 
     Raises:
         ConfigError: A field that the corpus can't fill.
@@ -69,14 +74,16 @@ class StepWindows:
         every_interleave: bool,
         select: Callable[[Skeleton], BodyJoints] | None = None,
         spans: Sequence[Span] | None = None,
+        unlabelled: bool = False,
     ) -> None:
         self.store, self.split, self.spec, self.needs = store, split, spec, needs
         self._select = select
         spans = store.splits[split] if spans is None else spans
         if "acoustics" in needs:
             spans = store.spans_with_sound(spans, f"{split} windows")
-        if "phases" in needs:
-            spans = _with_phases(store, split, spans)
+        if "phases" in needs and (split == "train" or not unlabelled):
+            annotated = _with_phases(store, split, spans)
+            spans = spans if unlabelled else annotated
         every = progress_bar(spans, len(spans), f"{split} sequences at {spec.fps:g} fps")
         sequences = [
             sequence for span in every for sequence in self._sequences(span, every_interleave)
@@ -163,10 +170,9 @@ class StepWindows:
         acoustics = np.zeros((len(positions), 0), dtype=np.float32)
         if "acoustics" in self.needs:
             acoustics = acoustics_at(store, span.recording, times)
-        phases = np.zeros(len(positions), dtype=np.int8)
-        if "phases" in self.needs:
-            labels = store.phases(span.recording)
-            assert labels is not None
+        phases = np.full(len(positions), UNLABELLED, dtype=np.int8)
+        labels = store.phases(span.recording) if "phases" in self.needs else None
+        if labels is not None:
             phases = labels[np.rint(times * motion.fps).astype(np.int64).clip(max=len(labels) - 1)]
         for interleave in range(count if every_interleave else 1):
             chosen = slice(interleave, None, count)

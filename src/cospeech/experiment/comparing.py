@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -25,7 +26,8 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
 
     Raises:
         ConfigError: ``runs`` isn't set, ``checkpoint`` is neither best nor last, no run there is
-            finished, or they are of several corpora.
+            finished, or they don't belong together: several corpora, schedules, or runs of one
+            name and seed.
     """
     if OmegaConf.is_missing(cfg, "runs"):
         raise ConfigError("runs is not set", "add runs=DIR, a folder with finished runs below it")
@@ -40,6 +42,7 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
             f"runs={cfg.runs}: of {len(runs)} finished runs none makes gesturing joints",
             "train some first: python train.py study=multi_adversary_ablations",
         )
+    _require_one_study(makers)
     store = build(OmegaConf.create(makers[0].values["config"]["data"])).prepare_store()
     encoder = chosen_encoder(store, cfg.metrics)
     systems: list[TrainedSystem] = []
@@ -48,12 +51,13 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
         model = _method(run).load_from_checkpoint(
             run.folder / file, map_location="cpu", weights_only=True
         )
-        name = str(run.values["ablation"]).split("__")[-1]
-        systems.append(TrainedSystem(name, int(run.values["seed"]), model))
-    classifier = cfg.classifier and FrozenPhaseClassifier.load(cfg.classifier)
-    if classifier is None:
-        own = sorted(systems, key=lambda system: system.name != "full")
-        classifier = next((c for s in own if (c := getattr(s.method, "classifier", None))), None)
+        if cfg.checkpoint == "last" and getattr(model, "steps_left", 0):
+            raise ConfigError(
+                f"{run.folder}: {model.steps_left} steps of its schedule are left",
+                "train it to its end (ckpt_path=last), or say checkpoint=best",
+            )
+        systems.append(TrainedSystem(_name(run), int(run.values["seed"]), model))
+    classifier, judge = _phase_judge(cfg.classifier, systems)
     return build(cfg.study_task)(
         store=store,
         encoder=encoder,
@@ -61,7 +65,68 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
         folder=folder,
         systems=systems,
         classifier=classifier,
+        about=[
+            ("checkpoints", str(cfg.checkpoint)),
+            ("runs", ", ".join(run.folder.name for run in makers)),
+            ("phases judged by", judge),
+        ],
     )
+
+
+def _phase_judge(
+    path: str | None, systems: list[TrainedSystem]
+) -> tuple[FrozenPhaseClassifier | None, str]:
+    """What tells phases, and where it is from."""
+    if path is not None:
+        return FrozenPhaseClassifier.load(path), str(path)
+    for system in sorted(systems, key=lambda system: system.name != "full"):
+        found = getattr(system.method, "classifier", None)
+        if found is not None:
+            text = (
+                f"the classifier inside {system.name}, seed {system.seed}: that system was trained"
+                " against it, which flatters it; classifier=FILE takes another"
+            )
+            return found, text
+    return None, "nothing"
+
+
+def _name(run: Run) -> str:
+    return str(run.values["ablation"]).split("__")[-1]
+
+
+def _require_one_study(runs: Sequence[Run]) -> None:
+    """Rows of one study differ by their ablation and seed, and by nothing else.
+
+    Raises:
+        ConfigError: Two runs of one name and seed, or of one name and different settings, or of
+            different experiments.
+    """
+    hint = "give a folder with the runs of one study: runs=outputs/studies/NAME"
+    seen = dict[str, Run]()
+    for run in runs:
+        name = _name(run)
+        first = seen.setdefault(name, run)
+        twin = seen.setdefault(f"{name}, seed {run.values['seed']}", run)
+        if twin is not run:
+            raise ConfigError(
+                f"{twin.folder} and {run.folder} are both {name}, seed {run.values['seed']}", hint
+            )
+        if _settings(first) != _settings(run):
+            raise ConfigError(f"{first.folder} and {run.folder} have different settings", hint)
+        if (a := _experiment(runs[0])) != (b := _experiment(run)):
+            raise ConfigError(
+                f"{runs[0].folder} is of experiment={a}, {run.folder} of experiment={b}", hint
+            )
+
+
+def _settings(run: Run) -> dict[str, Any]:
+    config = run.values["config"]
+    model = {key: value for key, value in config["model"].items() if key != "products_dir"}
+    return {"model": model, "training": config["training"]}
+
+
+def _experiment(run: Run) -> Any:
+    return run.values["config"]["choices"]["experiment"]
 
 
 def _method(run: Run) -> type[GestureMethod]:

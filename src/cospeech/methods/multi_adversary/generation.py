@@ -105,11 +105,13 @@ class GeneratesGestures(GestureMethod):
                 phases = classified(tally.classifier, self.layout, joints, acoustics)
                 if source == "real" and batch.phases is not None:
                     classes = torch.tensor(tally.classifier.merge.class_of, device=self.device)
-                    tally.add_labels(phases, classes[batch.phases[:, 1:]])
+                    known = batch.phases[:, 1:] >= 0
+                    tally.add_labels(phases[known], classes[batch.phases[:, 1:][known]])
             tally.add(source, joints, phases)
 
     def _log_tally(self, stage: str) -> None:
         assert self._tally is not None
+        self._tally.gather()
         values = {f"{stage}/{name}": value for name, value in self._tally.values().items()}
         gap = values[f"{stage}/wrist_speed_gap"]
         values[f"{stage}/adversarial_gap"] = gap if self._generator_is_final else BEFORE_ADVERSARIAL

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, distributed
 
 from cospeech.metrics.gesture_statistics.wrists import (
     area_between,
@@ -49,9 +50,22 @@ class Tally:
             self._steps[source] += torch.bincount(found, minlength=len(self.classes))
 
     def add_labels(self, phases: Tensor, labels: Tensor) -> None:
-        """Compare ``(B, T - 1, K)`` probabilities of real motion with annotated classes."""
+        """Compare ``(..., K)`` probabilities of real motion with annotated classes ``(...)``."""
         self._right += int((phases.argmax(dim=-1) == labels).sum())
         self._labelled += labels.numel()
+
+    def gather(self) -> None:
+        """Take the counts of all processes together; a median of shards isn't that of the whole."""
+        if not (distributed.is_available() and distributed.is_initialized()):
+            return
+        counted = (self._velocities, self._steps, self._right, self._labelled)
+        parts: list[Any] = [None] * distributed.get_world_size()
+        distributed.all_gather_object(parts, counted)
+        velocities, steps, right, labelled = zip(*parts, strict=True)
+        for source in self._velocities:
+            self._velocities[source] = [found for part in velocities for found in part[source]]
+            self._steps[source] = torch.stack([part[source] for part in steps]).sum(dim=0)
+        self._right, self._labelled = sum(right), sum(labelled)
 
     def gap(self) -> float:
         """Area between the median wrist velocities of both over time, metres per window."""

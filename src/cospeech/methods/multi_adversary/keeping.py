@@ -93,14 +93,17 @@ class StageProducts:
             if self.players.student is not None:
                 facts["classifier"] = self.key("classifier", data)
             elif self.views.classifier is not None:
-                facts["classifier"] = tensors_hash(self.views.classifier.state_dict())
+                classifier = self.views.classifier
+                state = tensors_hash(classifier.state_dict())
+                facts["classifier"] = [dict(classifier.describe()), state]
         return product_key([stage, data, facts])
 
-    def take(self, stage: Stage, data: Any) -> bool:
-        """Put the product of a stage in its place; False where there is none."""
-        content = self.products.find(stage, self.key(stage, data))
-        if content is None:
-            return False
+    def find(self, stage: Stage, data: Any) -> dict[str, Any] | None:
+        """The product of a stage; None where there is none."""
+        return self.products.find(stage, self.key(stage, data))
+
+    def place(self, stage: Stage, content: dict[str, Any]) -> None:
+        """Put the product of a stage in its place."""
         if stage == "classifier":
             self.views.classifier = unpacked(content)
         elif stage == "pretraining":
@@ -108,7 +111,6 @@ class StageProducts:
             self.players.generator.load_state_dict(content["history"][-1])
         else:
             self._discriminator(stage).load_state_dict(content["state"])
-        return True
 
     def keep(self, stage: Stage, data: Any) -> None:
         """Keep what a stage has made."""

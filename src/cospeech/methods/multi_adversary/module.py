@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError
@@ -253,16 +254,35 @@ class MultiAdversary(GeneratesGestures):
         self.done: frozenset[Stage] = frozenset()
         self._data: dict[str, Any] | None = None
 
+    def windows(self, store: Store, split: str) -> StepWindows:
+        """The windows of a split, which data modules serve in the place of their usual ones.
+
+        Recordings without phases are kept: only the classifier learns from phases, and on what has
+        them (section 4.1: 226 of 370 minutes).
+        """
+        training = split == "train"
+        spec = self.window
+        return StepWindows(
+            store,
+            split,
+            spec if training else replace(spec, run=1, stride=spec.frames),
+            self.needs,
+            every_interleave=training,
+            unlabelled=True,
+        )
+
     # Where the training stands ---------------------------------------------------------------
 
-    def setup(self, stage: str) -> None:
+    def on_fit_start(self) -> None:
         """Read the named classifier before a new training; a resumed one has it in its checkpoint.
+
+        Nothing needs the file then: it may be gone.
 
         Raises:
             CospeechError: It can't be read, has other classes, or needs joints that the corpus
                 lacks.
         """
-        if stage == "fit" and self.classifier_path is not None and self.views.classifier is None:
+        if self.classifier_path is not None and self.views.classifier is None:
             classifier = FrozenPhaseClassifier.load(self.classifier_path)
             if classifier.merge.name != self.merge.name:
                 raise ConfigError(
@@ -302,6 +322,7 @@ class MultiAdversary(GeneratesGestures):
             "runs_per_batch": loader.sampler.batch_size,
             "batches": int(self.trainer.num_training_batches),
             "processes": self.trainer.world_size,
+            "precision": str(self.trainer.precision),
             "scales": tensors_hash(self.players.scales.state_dict()),
         }
 
@@ -315,24 +336,40 @@ class MultiAdversary(GeneratesGestures):
         wanted = {stage for stage in DEPENDS_ON if stage in self.schedule.lengths}
         if self.classifier_path is None:
             wanted.add("classifier")
-        self.done = frozenset(
-            stage for stage in DEPENDS_ON if stage in wanted and self.kept.take(stage, data)
-        )
+        for stage in DEPENDS_ON:
+            # The first process looks, or processes could be in different stages.
+            looks = stage in wanted and self.trainer.is_global_zero
+            content = self._from_first(self.kept.find(stage, data) if looks else None)
+            if content is not None:
+                self.kept.place(stage, content)
+                self.done |= {stage}
         self.progress = Progress(self.schedule.first(self.done))
+        self._forget_history()
+
+    def _from_first(self, content: dict[str, Any] | None) -> dict[str, Any] | None:
+        found: dict[str, Any] | None = self.trainer.strategy.broadcast(content, 0)
+        return found
+
+    def _forget_history(self) -> None:
+        """The snapshots are large, and of no use after the curriculum."""
+        if self.progress.number > STAGES.index("phase_curriculum") + 1:
+            self.history.states = []
 
     def _end_stage(self) -> None:
         """Keep the stage's product and go on to the next."""
         stage = self.progress.stage
         if stage == "classifier":
             assert self.players.student is not None
-            self.views.classifier = self.players.student.frozen()
+            # Processes differ in the buffers that their last batch has moved.
+            content = self._from_first(packed(self.players.student.frozen()))
+            assert content is not None
+            self.views.classifier = unpacked(content)
         elif stage == "phase_curriculum":
             self._report_curriculum(self.progress.curriculum)
         if stage in DEPENDS_ON and self.trainer.is_global_zero:
             self.kept.keep(stage, self._data)
         self.progress = Progress(self.schedule.next_after(stage, self.done))
-        if self.progress.number > STAGES.index("phase_curriculum") + 1:
-            self.history.states = []
+        self._forget_history()
         if self.progress.stage == "finished":
             self._finish()
         else:

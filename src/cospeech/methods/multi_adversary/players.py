@@ -45,6 +45,8 @@ class PhaseStudent(nn.Module):
     def loss(self, batch: GestureBatch, shift: int, run: int) -> tuple[Tensor, Tensor]:
         """Cross entropy and share of right steps on windows that begin ``shift`` steps later.
 
+        Steps that nobody annotated are passed over; without any other the loss is 0.
+
         Args:
             batch: Joints, acoustics and phases.
             shift: From 0 to a window's length less one.
@@ -53,9 +55,14 @@ class PhaseStudent(nn.Module):
         fields = (batch.require(name) for name in ("joints", "acoustics", "phases"))
         joints, acoustics, phases = (shifted(values, shift, run) for values in fields)
         scores = self.network(self.features(joints[..., self.arms, :], acoustics[..., -1]))
-        labels = self.class_of[phases[:, 1:]]
-        found = self.network.probabilities(scores).argmax(dim=-1)
-        return self.network.loss(scores, labels), (found == labels).float().mean()
+        known = phases[:, 1:] >= 0
+        if not known.any():
+            return 0 * scores.sum(), scores.new_zeros(())
+        labels = self.class_of[phases[:, 1:][known]]
+        found = self.network.probabilities(scores).argmax(dim=-1)[known]
+        # One row of steps: the mean is over steps, whichever windows they are of.
+        loss = self.network.loss(scores[known][None], labels[None])
+        return loss, (found == labels).float().mean()
 
     def frozen(self) -> FrozenPhaseClassifier:
         """The classifier as it is now; further training doesn't change it."""

@@ -129,6 +129,13 @@ STATISTICS: tuple[Statistic, ...] = (
         " joins them",
     ),
     Statistic(
+        "window_jump_size",
+        "jump between windows",
+        "cm",
+        100.0,
+        "median step of the joints where such windows meet",
+    ),
+    Statistic(
         "phase_shares",
         "phase shares, JS distance",
         "",

@@ -184,16 +184,23 @@ class _Ruler:
             found["finger_distance"] = self.takes.mean(fingers)
         found |= self._seam("seam", system.recordings, system.border_frames)
         if system.side_by_side is not None:
-            found |= self._seam("window_jump", system.side_by_side, system.windows.shape[1])
+            window = system.windows.shape[1]
+            found |= self._seam("window_jump", system.side_by_side, window)
+            found |= self._seam("window_jump_size", system.side_by_side, window, _border_step)
         return found
 
     def _seam(
-        self, key: str, recordings: Sequence[NDArray[np.floating]], window: int
+        self,
+        key: str,
+        recordings: Sequence[NDArray[np.floating]],
+        window: int,
+        measure: Callable[[Sequence[tuple[Array, Array]]], float] | None = None,
     ) -> dict[str, Estimate]:
         steps = [movement.border_steps(recording, window) for recording in recordings]
         if not any(len(at_border) for at_border, _ in steps):
             return {}
-        return {key: self.takes.estimate(lambda i: _seam_jump([steps[k] for k in i]))}
+        measure = measure or _seam_jump
+        return {key: self.takes.estimate(lambda i: measure([steps[k] for k in i]))}
 
     def _count(self, system: SystemMotion) -> list[PhaseCounts]:
         classes = len(self.setting.phase_classes)
@@ -246,6 +253,11 @@ def _distance(first: ArrayLike, second: ArrayLike) -> Array:
 
 def _share_of(part: float, whole: float) -> float:
     return float(part / whole) if whole > 0 else float("nan")
+
+
+def _border_step(steps: Sequence[tuple[Array, Array]]) -> float:
+    at_border = np.concatenate([border for border, _ in steps])
+    return float(np.median(at_border)) if len(at_border) else float("nan")
 
 
 def _seam_jump(steps: Sequence[tuple[Array, Array]]) -> float:

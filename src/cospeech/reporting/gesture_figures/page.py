@@ -100,11 +100,12 @@ def write_gesture_figures(figures: GestureFigures, path: str | Path) -> Path:
 def _subtitle(figures: GestureFigures) -> str:
     windows = len(figures.setting.window_recordings)
     trained = [system for system in figures.systems[1:] if system.seeds]
-    seeds = max((len(system.seeds) for system in trained), default=1)
+    counts = sorted({len(system.seeds) for system in trained})
+    seeds = " to ".join(map(str, counts[:1] + counts[1:][-1:]))
     return (
         f"The evaluation of {PAPER}, section 8, on the {html.escape(figures.split)} part:"
         f" {len(figures.systems) - 1} systems beside real motion, {windows} windows,"
-        f" {'one training seed' if seeds == 1 else f'{seeds} training seeds'} each"
+        f" {'one training seed' if counts == [1] else f'{seeds} training seeds'} each"
     )
 
 

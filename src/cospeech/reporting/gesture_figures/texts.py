@@ -12,6 +12,7 @@ from cospeech.metrics.gesture_statistics.findings import (
     AGREES,
     DISAGREES,
     PAPER_ORDERS,
+    PARTLY,
     UNCLEAR,
     Comparand,
     Verdict,
@@ -20,8 +21,8 @@ from cospeech.metrics.gesture_statistics.systems import REAL, SystemStatistics
 from cospeech.reporting.gesture_figures.looks import Look, shown, title_of
 from cospeech.reporting.tables import Column, format_table
 
-_SIGNS = {AGREES: "✓", UNCLEAR: "?", DISAGREES: "✗", None: "\N{EN DASH}"}
-_STYLES = {AGREES: "yes", UNCLEAR: "open", DISAGREES: "no", None: "none"}
+_SIGNS = {AGREES: "✓", PARTLY: "(✓)", UNCLEAR: "?", DISAGREES: "✗", None: "\N{EN DASH}"}
+_STYLES = {AGREES: "yes", PARTLY: "yes", UNCLEAR: "open", DISAGREES: "no", None: "none"}
 _NOT_RUN = "not run"
 _ALIKE = 1.05
 """Numbers with a smaller ratio are shown as alike."""
@@ -39,7 +40,8 @@ def text_table(systems: Sequence[SystemStatistics], verdicts: Sequence[Verdict])
         rows.append(row)
     columns = [Column("statistic", " "), *(Column(s.name, title_of(s.name)) for s in systems)]
     lines = [
-        f"{_SIGNS[v.answer]} {v.answer or _NOT_RUN:<13}  {v.finding.claim} ({v.finding.section})"
+        f"{_SIGNS[v.answer]:<3} {v.answer or _NOT_RUN:<19}  {v.finding.claim} ({v.finding.section})"
+        + (f"; not run: {', '.join(map(title_of, v.missing))}" if v.missing else "")
         for v in verdicts
     ]
     return "\n".join([format_table(rows, columns), "", *lines])
@@ -78,6 +80,7 @@ def tally(verdicts: Sequence[Verdict]) -> str:
 
 _TALLY = (
     (AGREES, "hold"),
+    (PARTLY, "hold as far as run"),
     (UNCLEAR, "unclear"),
     (DISAGREES, "do not hold"),
     (None, "not run"),

@@ -57,6 +57,7 @@ def multi_adversary_figures(
     systems: Sequence[TrainedSystem],
     classifier: FrozenPhaseClassifier | None,
     seed: int,
+    about: Sequence[tuple[str, str]] = (),
 ) -> dict[str, Any]:
     """Draw the paper's figures 1 and 11 and measure all systems on the same held-out speech.
 
@@ -70,6 +71,7 @@ def multi_adversary_figures(
         systems: Trained systems.
         classifier: Labels real and generated motion alike; None leaves phases out.
         seed: Of the choice of windows and the resampling.
+        about: Name and value of what else a reader must know to do the study again.
 
     Returns:
         What the JSON holds.
@@ -133,6 +135,7 @@ def multi_adversary_figures(
     verdicts = judge(statistics)
     annotated = None if classifier is None else _annotated(store, split, classifier)
     facts = study_facts(store, encoder, split, systems, classifier, setting, held_out, seed)
+    facts += about
     page = folder / "figures.html"
     write_gesture_figures(
         GestureFigures(store.name, split, setting, statistics, verdicts, facts, annotated), page
