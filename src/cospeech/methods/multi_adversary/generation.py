@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, distributed
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import CospeechError
@@ -70,7 +70,11 @@ class GeneratesGestures(GestureMethod):
         return self._upper_body(generated)
 
     def on_validation_epoch_start(self) -> None:
-        """Count anew."""
+        """Count anew, with the generator that a checkpoint would hold."""
+        if distributed.is_available() and distributed.is_initialized():
+            # Batch norm's running statistics are each process's own.
+            for buffer in self.players.generator.buffers():
+                distributed.broadcast(buffer, 0)
         wrists = [self.layout.roles.index(f"{side}_wrist") for side in ("left", "right")]
         self._tally = Tally(wrists, self.window.fps, self._judging_classifier())
 
