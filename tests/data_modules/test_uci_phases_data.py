@@ -69,6 +69,7 @@ def test_a_recurrent_classifier_knows_the_phases_of_a_user_it_never_saw(
         "training.epochs=20",
         "training.batch_size=32",
         "logger=none",
+        timeout=900,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     ((_, record),) = command_line.records(tmp_path).items()
