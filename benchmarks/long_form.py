@@ -2,8 +2,8 @@
 
 The size of the step where windows meet (a crossfade has two such places: where it begins and where
 it ends), over the median step elsewhere, mean over joints, on the test recordings of the run's
-corpus; and the seconds that generating takes. Prints a table and, as the last line, the same as
-JSON.
+corpus; the median step within a fade, over the same; and how fast motion is generated. Prints a
+table and, as the last line, the same as JSON.
 Run: python benchmarks/long_form.py outputs/runs/multi_adversary-...
 """
 
@@ -33,7 +33,7 @@ def seams(method: MultiAdversary, speech: list[Speech]) -> dict[str, Any]:
     crossfade = method.long_form == "crossfade"
     starts = window - OVERLAP_FRAMES if crossfade else window
     places = (0, OVERLAP_FRAMES) if crossfade else (0,)
-    border, inside = list[NDArray[Any]](), list[NDArray[Any]]()
+    border, fade, inside = list[NDArray[Any]](), list[NDArray[Any]](), list[NDArray[Any]]()
     began = time.perf_counter()
     for one in speech:
         positions = method.generate_joints(one).positions
@@ -41,7 +41,9 @@ def seams(method: MultiAdversary, speech: list[Speech]) -> dict[str, Any]:
         number = np.arange(1, len(positions))
         at_border = (number >= starts) & np.isin(number % starts, places)
         border.append(steps[at_border])
-        inside.append(steps[~at_border])
+        fading = (number >= starts) & (number % starts < places[-1]) & ~at_border
+        fade.append(steps[fading])
+        inside.append(steps[~at_border & ~fading])
     elsewhere = np.concatenate(inside) / np.median(np.concatenate(inside))
     jumps = np.concatenate(border) / np.median(np.concatenate(inside))
     return {
@@ -49,8 +51,13 @@ def seams(method: MultiAdversary, speech: list[Speech]) -> dict[str, Any]:
         "p90": float(np.percentile(jumps, 90)),
         "inside_p90": float(np.percentile(elsewhere, 90)),
         "borders": len(jumps),
+        "fade": _median_ratio(fade, inside) if crossfade else None,
         "seconds": time.perf_counter() - began,
     }
+
+
+def _median_ratio(some: list[NDArray[Any]], others: list[NDArray[Any]]) -> float:
+    return float(np.median(np.concatenate(some)) / np.median(np.concatenate(others)))
 
 
 def main() -> None:
@@ -61,7 +68,7 @@ def main() -> None:
     config = json.loads((run / "record.json").read_text())["config"]
     store = instantiate(OmegaConf.create(config["data"])).prepare_store()
     method = MultiAdversary.load_from_checkpoint(
-        run / "checkpoints" / "best.ckpt", map_location="cpu", weights_only=True
+        run / "checkpoints" / "last.ckpt", map_location="cpu", weights_only=True
     ).eval()
     speech = [store.speech(span) for span in store.splits["test"]]
     rows = {}
@@ -70,12 +77,13 @@ def main() -> None:
         rows[long_form] = seams(method, speech)
     minutes = sum(len(one.waveform) for one in speech) / 16000 / 60
     print(f"{len(speech)} recordings, {minutes:.1f} min")
-    print("| long form | median | 90 % | steps inside, 90 % | borders | x real time |")
-    print("| --- " + "| ---: " * 5 + "|")
+    print("| long form | median | 90 % | inside, 90 % | borders | within a fade | x real time |")
+    print("| --- " + "| ---: " * 6 + "|")
     for name, row in rows.items():
         print(
             f"| {name} | {row['median']:.2f} | {row['p90']:.2f} | {row['inside_p90']:.2f} |"
-            f" {row['borders']} | {60 * minutes / row['seconds']:,.0f} |"
+            f" {row['borders']} | {'' if row['fade'] is None else format(row['fade'], '.2f')} |"
+            f" {60 * minutes / row['seconds']:,.0f} |"
         )
     print(json.dumps(rows))
 

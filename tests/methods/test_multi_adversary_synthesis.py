@@ -152,13 +152,16 @@ def test_a_carried_state_never_begins_anew():
 
 def test_overlapping_windows_are_faded_into_one_another():
     poses = long_poses(counted, torch.zeros(250, 2), 100, "crossfade")[:, 0]
-    # The second window begins at 80; in step k of the overlap it has k + 1 parts of 21.
-    fade = [(80 + k) + (k + 1) / 21 * (k - (80 + k)) for k in range(20)]
-    expected = [*range(80), *fade, *range(20, 80)]
-    assert poses[:160].tolist() == pytest.approx(expected, abs=1e-4)
+    # The second window begins at 60; its share rises from 0 to 1, level at both ends.
+    places = [(k + 1) / 41 for k in range(40)]
+    shares = [place**2 * (3 - 2 * place) for place in places]
+    fade = [(60 + k) + share * (k - (60 + k)) for k, share in enumerate(shares)]
+    assert poses[:120].tolist() == pytest.approx([*range(60), *fade, *range(40, 60)], abs=1e-4)
     assert len(poses) == 250
-    largest = float(poses.diff().abs().max())
-    assert largest < 4  # the sawtooth's 80 are spread over a second
+    steps = poses.diff()
+    assert float(steps.abs().max()) < 1.3  # the sawtooth's 60 are spread over two seconds
+    assert float(steps[59]) == pytest.approx(1, abs=0.12)  # no jump where the fade begins
+    assert float(steps[99]) == pytest.approx(1, abs=0.12)  # nor where it ends
 
 
 @pytest.mark.parametrize("frames", [101, 120, 121, 180, 181, 1000])

@@ -21,12 +21,13 @@ from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 
 LongForm = Literal["crossfade", "carry", "reset"]
-"""How speech longer than a window is made. ``"crossfade"``: windows that overlap by a second, one
-faded into the next. ``"carry"``: one pass, the GRU's state carried on. ``"reset"``: windows side by
-side, as in training."""
+"""How speech longer than a window is made. ``"crossfade"``: windows that overlap by two seconds,
+one faded into the next. ``"carry"``: one pass, the GRU's state carried on. ``"reset"``: windows
+side by side, as in training."""
 
-OVERLAP_FRAMES = 20
-"""Of two windows that are faded into one another, 1 s."""
+OVERLAP_FRAMES = 40
+"""Of two windows that are faded into one another, 2 s. Two windows of the same speech can be far
+apart; within 1 s the way from one to the next would be faster than the motion around it."""
 
 
 def speech_features(speech: Speech, fps: float) -> NDArray[np.float32]:
@@ -79,7 +80,9 @@ def long_poses(
     padded = torch.cat([speech, speech.new_zeros(frames, speech.shape[1])])
     windows = generate(torch.stack([padded[start : start + frames] for start in starts]))
     poses = windows.new_zeros(total + frames, windows.shape[2])
-    shares = torch.arange(1, overlap + 1, device=poses.device)[:, None] / (overlap + 1)
+    place = torch.arange(1, overlap + 1, device=poses.device)[:, None] / (overlap + 1)
+    # Level at both ends: neither joints nor their velocities jump where a fade begins or ends.
+    shares = place.square() * (3 - 2 * place)
     for start, window in zip(starts, windows, strict=True):
         if start and overlap:
             before = poses[start : start + overlap]
