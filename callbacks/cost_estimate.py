@@ -40,11 +40,11 @@ class CostEstimate(Callback):
             steps = int(trainer.num_training_batches)
             left = trainer.max_epochs - trainer.current_epoch
             total = _steps_left(trainer, pl_module)
-            epochs = f"{left} epochs x {steps} steps"
-            if total < left * steps:
+            epochs = f"{left} epochs x {steps} steps ="
+            if trainer.max_epochs < 0:
+                epochs = f"epochs of {steps} steps, about"
+            elif total < left * steps:
                 epochs = f"at most {left} epochs of {steps} steps, about"
-            else:
-                epochs += " ="
             parameters = sum(p.numel() for p in pl_module.parameters() if p.requires_grad)
             print(
                 f"training {type(pl_module).__name__}: {parameters / 1e6:.2f} M parameters,"
@@ -99,6 +99,8 @@ class CostEstimate(Callback):
 def _steps_left(trainer: Trainer, pl_module: LightningModule, done_in_epoch: int = 0) -> int:
     """By the epochs that are left, or by the method where it knows that it needs fewer."""
     assert trainer.max_epochs is not None
+    if trainer.max_epochs < 0:
+        return int(getattr(pl_module, "steps_left", 0))
     batches = int(trainer.num_training_batches)
     by_epochs = (trainer.max_epochs - trainer.current_epoch) * batches - done_in_epoch
     return min(by_epochs, getattr(pl_module, "steps_left", by_epochs))

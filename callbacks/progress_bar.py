@@ -59,5 +59,6 @@ class EpochLines(ProgressBar):
             shown = "  ".join(
                 f"{name} {value:.4g}" for name, value in values.items() if isinstance(value, float)
             )
-            last = "" if trainer.max_epochs is None else f"/{trainer.max_epochs - 1}"
+            epochs = trainer.max_epochs
+            last = "" if epochs is None or epochs < 0 else f"/{epochs - 1}"
             print(f"epoch {trainer.current_epoch}{last}  {seconds:.0f} s  {shown}", flush=True)
