@@ -13,7 +13,7 @@ from cospeech.reporting.chart import ticks
 from cospeech.reporting.gesture_figures.looks import Look, centred_text, title_of
 
 _WIDTH, _HEIGHT = 1080, 420
-_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 236, 22, 46
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 286, 22, 46
 _LABEL_APART = 21
 _SAMPLE = 34
 _TICK_ROOM = 30
