@@ -7,7 +7,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-_TITLES = {"full": "full model", "mse_only": "MSE only", "no_phase_no_displacement": "no phase, no displacement"}
+_TITLES = {
+    "full": "full model",
+    "mse_only": "MSE only",
+    "no_phase_no_displacement": "no phase, no displacement",
+}
 
 _DASHES = ("", "", "7 3", "2 2.5", "10 3 2 3", "5 5", "12 4", "1 4", "8 2 1 2 1 2")
 _MARKERS = (
