@@ -270,7 +270,7 @@ def test_a_bvh_is_labelled_on_the_command_line(recordings, trained, tmp_path, ca
 
 def test_the_command_line_says_what_is_missing(store, trained, recordings, tmp_path, capsys):
     assert main(["score", str(store.path), "--classifier", str(tmp_path / "no.pt")]) == 1
-    assert "no such file" in capsys.readouterr().err
+    assert "no such weights file" in capsys.readouterr().err
     build(store).frozen().save(tmp_path / "with_pitch.pt")
     write_bvh(tmp_path / "take.bvh", recordings[0].motion.slice(0, 60))
     files = [str(tmp_path / "take.bvh"), "--classifier", str(tmp_path / "with_pitch.pt")]
