@@ -122,10 +122,10 @@ def _cepstra(waveform: NDArray[np.float32], count: int, cepstra: Cepstra) -> NDA
     if cepstra == "static" or count == 0:
         return coefficients
     static = coefficients[:, : COEFFICIENTS // 2]
-    return np.concatenate([static, _slopes(static)], axis=1)
+    return np.concatenate([static, slopes(static)], axis=1)
 
 
-def _slopes(channels: NDArray[np.float32]) -> NDArray[np.float32]:
+def slopes(channels: NDArray[np.float32]) -> NDArray[np.float32]:
     """Regression over ``t - 2 ... t + 2``: sum of ``n (c[t+n] - c[t-n])`` over ``2 sum n^2``."""
     frames = len(channels)
     padded = np.pad(channels, ((_DELTA_FRAMES, _DELTA_FRAMES), (0, 0)), mode="edge")

@@ -1,0 +1,174 @@
+"""The database that motion matching searches: a corpus' training split in short sequences, on disk.
+
+A folder of plain arrays, read by memory map::
+
+    manifest.json        version, corpus fingerprint, settings, statistics, joints, hash
+    pose_features.npy    (M, T, Dp) float32, normalised
+    audio_features.npy   (M, T, Da) float32, normalised
+    poses.npy            (M, T, J, 3) float32: the gesturing joints in the body frame, metres
+    usable.npy           (M, T) bool: whether a window may start here
+    recordings.npy       (M,) int32: the recording that a sequence was cut from
+    starts_s.npy         (M,) float64: time of its first frame in the recording
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.errors import InputFileError
+from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
+from cospeech.speech.feature_sets.sphinx import sphinx_features
+
+VERSION = 1
+ARRAYS = ("pose_features", "audio_features", "poses", "usable", "recordings", "starts_s")
+_REBUILD = "delete the folder and fit the database again"
+
+
+@dataclass(frozen=True, eq=False)
+class MatchingDatabase:
+    """Sequences that windows are taken from; M of them, T frames each.
+
+    Attributes:
+        spec: How it was cut.
+        pose_features: ``(M, T, Dp)`` float32, normalised.
+        audio_features: ``(M, T, Da)`` float32, normalised.
+        poses: ``(M, T, J, 3)`` float32, metres, in the body frame: what is put out.
+        usable: ``(M, T)``: whether a window may start here.
+        recordings: ``(M,)`` index of the recording in the store.
+        starts_s: ``(M,)`` time of a sequence's first frame in its recording, s.
+        pose_normalisation: Of the pose features.
+        audio_normalisation: Of the audio features.
+        search_roles: The joints that are compared.
+        pose_roles: The J joints of ``poses``.
+        fingerprint: The corpus it comes from.
+        hash: Of everything in it; a checkpoint names its database by it.
+    """
+
+    spec: MatchingSpec
+    pose_features: NDArray[np.float32]
+    audio_features: NDArray[np.float32]
+    poses: NDArray[np.float32]
+    usable: NDArray[np.bool_]
+    recordings: NDArray[np.int32]
+    starts_s: NDArray[np.float64]
+    pose_normalisation: Normalisation
+    audio_normalisation: Normalisation
+    search_roles: tuple[str, ...]
+    pose_roles: tuple[str, ...]
+    fingerprint: str
+    hash: str
+
+    def __len__(self) -> int:
+        return len(self.usable)
+
+    def frame_times_s(self, sequence: int) -> NDArray[np.float64]:
+        """``(T,)`` time of each frame of a sequence in its recording, s."""
+        return self.starts_s[sequence] + np.arange(self.usable.shape[1]) / self.spec.fps
+
+    def audio_queries(self, waveform: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Normalised audio features of speech to gesture to.
+
+        Past the end there are zeros before normalisation, as published; with
+        ``spec.true_future`` the last frame stays, as zeros are like no speech in the database.
+
+        Args:
+            waveform: ``(N,)`` samples at 16 kHz.
+
+        Returns:
+            ``(F, Da)`` at ``spec.fps``.
+        """
+        spec = self.spec
+        channels = sphinx_features(waveform, spec.fps)
+        frames, reach = len(channels), spec.reach(spec.audio_taps)
+        if spec.true_future and frames:
+            channels = np.pad(channels, ((0, reach), (0, 0)), mode="edge")
+        features = stack_taps(channels, spec.audio_taps, spec.tap_spacing)[:frames]
+        return self.audio_normalisation(features)
+
+
+def open_database(folder: Path | str, fingerprint: str | None = None) -> MatchingDatabase:
+    """Open a database by memory map.
+
+    Args:
+        folder: Its folder.
+        fingerprint: The corpus that it must come from; None for any.
+
+    Raises:
+        InputFileError: Not a database, of another version or corpus, or damaged.
+    """
+    folder = Path(folder)
+    path = folder / "manifest.json"
+    try:
+        manifest = json.loads(path.read_text())
+    except FileNotFoundError:
+        hint = "build it with fit_database(store)"
+        raise InputFileError(folder, "no matching database here", hint=hint) from None
+    except ValueError as error:
+        raise InputFileError(path, f"damaged: {error}", hint=_REBUILD) from None
+    if not isinstance(manifest, dict) or manifest.get("version") != VERSION:
+        version = manifest.get("version") if isinstance(manifest, dict) else None
+        problem = f"version {version}, this version reads {VERSION}"
+        raise InputFileError(path, problem, hint=_REBUILD)
+    if fingerprint is not None and manifest["fingerprint"] != fingerprint:
+        raise InputFileError(
+            path,
+            f"made from corpus {manifest['fingerprint'][:12]}, not {fingerprint[:12]}",
+            hint="open the database of this corpus: fit_database(store)",
+        )
+    statistics = {
+        name: Normalisation(*(np.array(values) for values in manifest["statistics"][name]))
+        for name in ("pose", "audio")
+    }
+    return MatchingDatabase(
+        MatchingSpec(**manifest["spec"]),
+        **{name: _open_array(folder, name, manifest["arrays"][name]) for name in ARRAYS},
+        pose_normalisation=statistics["pose"],
+        audio_normalisation=statistics["audio"],
+        search_roles=tuple(manifest["search_roles"]),
+        pose_roles=tuple(manifest["pose_roles"]),
+        fingerprint=manifest["fingerprint"],
+        hash=manifest["hash"],
+    )
+
+
+def check_database(folder: Path | str) -> None:
+    """Read every byte of a database and compare its hash: seconds for a large one.
+
+    Raises:
+        InputFileError: It can't be opened, or isn't what was written.
+    """
+    database = open_database(folder)
+    path = Path(folder) / "manifest.json"
+    if content_hash(Path(folder), json.loads(path.read_text())) != database.hash:
+        raise InputFileError(folder, "its content isn't what was written", hint=_REBUILD)
+
+
+def _open_array(folder: Path, name: str, facts: dict[str, Any]) -> NDArray[Any]:
+    path = folder / f"{name}.npy"
+    try:
+        values: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError) as error:
+        raise InputFileError(path, f"damaged: {error}", hint=_REBUILD) from None
+    if list(values.shape) != facts["shape"] or values.dtype.name != facts["dtype"]:
+        found = f"{values.dtype.name} {list(values.shape)}"
+        problem = f"holds {found} where the manifest says {facts['dtype']} {facts['shape']}"
+        raise InputFileError(path, problem, hint=_REBUILD)
+    return values
+
+
+def content_hash(folder: Path, manifest: dict[str, Any]) -> str:
+    """SHA-256 of the arrays and of what the manifest says of them."""
+    told = {name: value for name, value in manifest.items() if name != "hash"}
+    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    for name in ARRAYS:
+        with (folder / f"{name}.npy").open("rb") as file:
+            while block := file.read(2**20):
+                digest.update(block)
+    return digest.hexdigest()

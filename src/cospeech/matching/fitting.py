@@ -1,0 +1,269 @@
+"""Building a matching database from a corpus' training split."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import math
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.format import open_memmap
+from numpy.typing import NDArray
+
+from cospeech.corpus.build_folder import write_json
+from cospeech.corpus.splits import Span
+from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.matching.database import (
+    ARRAYS,
+    VERSION,
+    MatchingDatabase,
+    content_hash,
+    open_database,
+)
+from cospeech.matching.features import (
+    MatchingSpec,
+    Normalisation,
+    SearchJoints,
+    search_joints,
+    stack_taps,
+)
+from cospeech.motion.interleaves import at_a_multiple
+from cospeech.motion.velocities import BodyJoints, body_positions
+from cospeech.progress import progress_bar
+from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_features
+from cospeech.speech.speech import SAMPLE_RATE
+
+logger = logging.getLogger(__name__)
+
+_SEQUENCES_AT_ONCE = 256
+
+
+def database_folder(store: Store, spec: MatchingSpec) -> Path:
+    """Where the database of a store and a spec lies: in the store's folder."""
+    settings = json.dumps([VERSION, store.fingerprint, asdict(spec)])
+    name = hashlib.sha256(settings.encode()).hexdigest()[:12]
+    return store.path / "matching" / name
+
+
+def fit_database(store: Store, spec: MatchingSpec | None = None) -> MatchingDatabase:
+    """Build the database of a corpus' training split, or open it where it was built before.
+
+    Spans are cut into disjoint sequences, their rest is left out; nothing is read across the edge
+    of a span, which would be another split's. A killed build leaves nothing behind that looks like
+    a database, and a damaged one is built again.
+
+    Args:
+        store: The corpus.
+        spec: How to cut it; the published lengths by default.
+
+    Raises:
+        CospeechError: No joint map fits, the skeletons have different joints, or no span is as
+            long as a sequence.
+        ConfigError: No training recording has sound.
+    """
+    spec = spec or MatchingSpec()
+    folder = database_folder(store, spec)
+    if folder.is_dir():
+        try:
+            return open_database(folder, store.fingerprint)
+        except InputFileError as error:
+            logger.warning("%s; it is built again", error.problem)
+            shutil.rmtree(folder)
+    folder.parent.mkdir(exist_ok=True)
+    building = folder.with_name(f".{folder.name}.building-{os.getpid()}")
+    shutil.rmtree(building, ignore_errors=True)
+    building.mkdir()
+    try:
+        _Build(store, spec, building).write()
+        try:
+            building.rename(folder)
+        except OSError:
+            # Another process was faster; its database is as good.
+            if not (folder / "manifest.json").is_file():
+                raise
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+    return open_database(folder, store.fingerprint)
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """One span at the database's rate.
+
+    Attributes:
+        recording: Its index in the store.
+        start_s: Time of the first frame in the recording.
+        search: ``(F, C)`` positions that are compared.
+        poses: ``(F, J, 3)`` positions that are put out.
+        audio: ``(F, 14)``.
+    """
+
+    recording: int
+    start_s: float
+    search: NDArray[np.float32]
+    poses: NDArray[np.float32]
+    audio: NDArray[np.float32]
+
+
+class _Build:
+    """The arrays of one database, while they are made."""
+
+    def __init__(self, store: Store, spec: MatchingSpec, folder: Path) -> None:
+        self.store, self.spec, self.folder = store, spec, folder
+        self._joints = [search_joints(skeleton) for skeleton in _training_skeletons(store)]
+        different = {
+            role
+            for joints in self._joints
+            for role in set(joints.gesture.roles) ^ set(self._joints[0].gesture.roles)
+        }
+        if different:
+            raise CospeechError(
+                f"{store.name}: its recordings have different gesturing joints"
+                f" ({', '.join(sorted(different))})",
+                "prepare those with and without fingers as two corpora",
+            )
+
+    def write(self) -> None:
+        """Write the arrays, then the manifest."""
+        spec, length = self.spec, self.spec.chunk_frames
+        sequences = [(track, i) for track in self._tracks() for i in _firsts(track, length)]
+        if not sequences:
+            raise CospeechError(
+                f"{self.store.name}: no training recording is as long as a sequence"
+                f" ({length / spec.fps:g} s)",
+                "use longer recordings, or shorter sequences (chunk_frames)",
+            )
+        shape = (len(sequences), length)
+        joints = self._joints[0]
+        widths = {
+            "pose_features": (spec.pose_taps * 3 * len(joints.roles),),
+            "audio_features": (spec.audio_taps * STATIC_CHANNELS,),
+            "poses": (len(joints.gesture.roles), 3),
+        }
+        arrays: dict[str, NDArray[Any]] = {
+            name: open_memmap(self.folder / f"{name}.npy", "w+", np.float32, (*shape, *width))
+            for name, width in widths.items()
+        }
+        arrays["usable"] = np.ones(shape, dtype=np.bool_)
+        arrays["recordings"] = np.array([track.recording for track, _ in sequences], np.int32)
+        arrays["starts_s"] = np.array([track.start_s + i / spec.fps for track, i in sequences])
+        for m, (track, first) in enumerate(sequences):
+            arrays["poses"][m] = track.poses[first : first + length]
+            for name, channels, taps in (
+                ("pose_features", track.search, spec.pose_taps),
+                ("audio_features", track.audio, spec.audio_taps),
+            ):
+                # As published, a sequence knows nothing of what comes after it.
+                ahead = spec.reach(taps) if spec.true_future else 0
+                known = channels[first : first + length + ahead]
+                arrays[name][m] = stack_taps(known, taps, spec.tap_spacing)[:length]
+                if spec.true_future:
+                    arrays["usable"][m, max(0, len(known) - spec.reach(taps)) :] = False
+        statistics = {
+            name: _normalise(arrays[f"{name}_features"], arrays["usable"])
+            for name in ("pose", "audio")
+        }
+        self._finish(arrays, statistics)
+
+    def _finish(self, arrays: dict[str, NDArray[Any]], statistics: dict[str, Any]) -> None:
+        for name, values in arrays.items():
+            if isinstance(values, np.memmap):
+                values.flush()
+            else:
+                np.save(self.folder / f"{name}.npy", values)
+        usable = arrays["usable"]
+        manifest = {
+            "version": VERSION,
+            "corpus": self.store.name,
+            "fingerprint": self.store.fingerprint,
+            "spec": asdict(self.spec),
+            "statistics": statistics,
+            "search_roles": list(self._joints[0].roles),
+            "pose_roles": list(self._joints[0].gesture.roles),
+            "unusable_frames": int((~usable).sum()),
+            "arrays": {
+                name: {"shape": list(arrays[name].shape), "dtype": arrays[name].dtype.name}
+                for name in ARRAYS
+            },
+        }
+        digest = content_hash(self.folder, manifest)
+        write_json(self.folder / "manifest.json", {**manifest, "hash": digest})
+        logger.info(
+            "matching database: %d sequences, %.1f min; no window starts on %d of %d frames,"
+            " as what follows them isn't known",
+            len(usable),
+            usable.size / self.spec.fps / 60,
+            manifest["unusable_frames"],
+            usable.size,
+        )
+
+    def _tracks(self) -> Iterator[_Track]:
+        store = self.store
+        spans = store.spans_with_sound(store.splits["train"], "the matching database")
+        skeletons = _training_skeletons(store)
+        for span in progress_bar(spans, len(spans), "matching database"):
+            skeleton = store.skeletons[store.recordings[span.recording].skeleton]
+            yield self._track(span, self._joints[skeletons.index(skeleton)])
+
+    def _track(self, span: Span, joints: SearchJoints) -> _Track:
+        store, fps = self.store, self.spec.fps
+        motion = store.motion(span.recording)
+        first = math.ceil(span.start / EVALUATION_FPS * motion.fps - 1e-6)
+        stop = len(motion)
+        if span.stop < store.recordings[span.recording].frames:
+            stop = min(stop, math.ceil(span.stop / EVALUATION_FPS * motion.fps - 1e-6))
+        body = joints.gesture.body
+        both = BodyJoints((*joints.joints, *body.joints), body.reference, body.sideways)
+        positions = body_positions(motion.slice(first, stop), both)
+        positions, multiple = at_a_multiple(positions, motion.fps, fps)
+        positions = positions[::multiple]
+        # Audio of another split isn't looked at, so a span's last frames hear its audio repeated.
+        start_s = first / motion.fps
+        samples = store.read(
+            span.recording,
+            "audio",
+            round(start_s * SAMPLE_RATE),
+            round(stop / motion.fps * SAMPLE_RATE),
+        )
+        waveform = samples[:, 0] * np.float32(1 / 32767)
+        searched = positions[:, : len(joints.joints)]
+        return _Track(
+            span.recording,
+            start_s,
+            searched.reshape(len(searched), -1),
+            positions[:, len(joints.joints) :],
+            sphinx_features(waveform, fps, len(positions)),
+        )
+
+
+def _training_skeletons(store: Store) -> list[Any]:
+    used = {store.recordings[span.recording].skeleton for span in store.splits["train"]}
+    return [store.skeletons[i] for i in sorted(used)]
+
+
+def _firsts(track: _Track, length: int) -> range:
+    """First frames of a track's disjoint sequences."""
+    return range(0, len(track.poses) - length + 1, length)
+
+
+def _normalise(features: NDArray[np.float32], usable: NDArray[np.bool_]) -> list[list[float]]:
+    """Normalise ``(M, T, D)`` features where they lie; their mean and deviation.
+
+    Made-up features on which no window starts have no say in the statistics.
+    """
+    blocks = [
+        slice(first, first + _SEQUENCES_AT_ONCE)
+        for first in range(0, len(features), _SEQUENCES_AT_ONCE)
+    ]
+    normalisation = Normalisation.over(lambda: (features[i][usable[i]] for i in blocks))
+    for rows in blocks:
+        features[rows] = normalisation(features[rows])
+    return [normalisation.mean.tolist(), normalisation.deviation.tolist()]
