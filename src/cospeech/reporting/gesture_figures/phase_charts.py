@@ -14,7 +14,7 @@ from cospeech.reporting.gesture_figures.looks import phase_style
 Row = tuple[str, PhaseStructure]
 """A system's title and its phases."""
 
-_LABEL, _WIDTH, _ROW = 150, 1080, 30
+_LABEL, _WIDTH, _ROW = 196, 1080, 30
 _LONGEST = 2.5
 
 
