@@ -71,8 +71,8 @@ class Generator(nn.Module):
 class SequenceDiscriminator(nn.Module):
     """Dense, dropout, LSTM, sigmoid of its last state: one probability of being real per window.
 
-    An LSTM, where the paper says "recurrent layer": on CPUs torch has a fused one, and none for
-    GRUs, whose hundred steps cost two to four times as much at small sizes.
+    An LSTM, where the paper says "recurrent unit": on CPUs torch has a fused one, and none for
+    GRUs, whose hundred small steps take longer.
 
     Args:
         inputs: Numbers per step.
