@@ -9,7 +9,7 @@ from lightning import Callback, Trainer
 
 from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.splits import Span
-from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.step_windows import split_windows
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.synthetic import synthesise
 from cospeech.corpus.window_loader import WindowLoader
@@ -98,16 +98,13 @@ def build(store, **changes) -> MultiAdversary:
 
 def loader(method, store, split, runs=4):
     training = split == "train"
-    spec = method.window
-    if not training:
-        spec = dataclasses.replace(spec, run=1, stride=spec.frames)
-    windows = _windows(store, split, spec, method.needs, training)
+    windows = _windows(store, split, method.window, method.needs)
     return WindowLoader(windows, runs, seed=0, shuffle=training, drop_last=training)
 
 
 @functools.lru_cache
-def _windows(store, split, spec, needs, training):
-    return StepWindows(store, split, spec, needs, training, unlabelled=True)
+def _windows(store, split, spec, needs):
+    return split_windows(store, split, spec, needs, unlabelled=True)
 
 
 class SaveAt(Callback):

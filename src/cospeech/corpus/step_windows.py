@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -197,6 +197,26 @@ class StepWindows:
                 "prepare those with and without fingers as two corpora",
             )
         return joints.body
+
+
+def split_windows(
+    store: Store,
+    split: str,
+    spec: WindowSpec,
+    needs: frozenset[str],
+    *,
+    select: Callable[[Skeleton], BodyJoints] | None = None,
+    spans: Sequence[Span] | None = None,
+    unlabelled: bool = False,
+) -> StepWindows:
+    """The windows of a split: for training in runs, of every interleave; else one by one.
+
+    Args and errors are those of `StepWindows`; windows for judging lie side by side.
+    """
+    training = split == "train"
+    if not training:
+        spec = replace(spec, run=1, stride=spec.frames)
+    return StepWindows(store, split, spec, needs, training, select, spans, unlabelled)
 
 
 def evaluation_frames(spec: WindowSpec) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.step_windows import StepWindows, split_windows
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError
@@ -164,7 +163,4 @@ def open_windows(store: Store, split: str, reader: WindowReader) -> WindowDatase
     spec = reader.window
     if spec.fps == EVALUATION_FPS:
         return WindowDataset(store, split, spec, reader.needs)
-    training = split == "train"
-    if not training:
-        spec = replace(spec, run=1, stride=spec.frames)
-    return StepWindows(store, split, spec, reader.needs, every_interleave=training)
+    return split_windows(store, split, spec, reader.needs)

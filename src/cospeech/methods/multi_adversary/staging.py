@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import torch
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.step_windows import StepWindows, split_windows
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset
@@ -65,16 +64,7 @@ class GoesThroughStages(GeneratesGestures):
         Recordings without phases are kept: only the classifier learns from phases, and on what has
         them (section 4.1: 226 of 370 minutes).
         """
-        training = split == "train"
-        spec = self.window
-        return StepWindows(
-            store,
-            split,
-            spec if training else replace(spec, run=1, stride=spec.frames),
-            self.needs,
-            every_interleave=training,
-            unlabelled=True,
-        )
+        return split_windows(store, split, self.window, self.needs, unlabelled=True)
 
     def on_fit_start(self) -> None:
         """Read the named classifier before a new training; a resumed one has it in its checkpoint.

@@ -16,7 +16,7 @@ from torchmetrics import ConfusionMatrix
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.splits import Span
-from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.step_windows import StepWindows, split_windows
 from cospeech.corpus.store import Store
 from cospeech.corpus.validation_pieces import (
     PIECE_S,
@@ -159,14 +159,11 @@ class PhaseClassifier(LightningModule):
 
         Training sees every interleave. Judging sees one, in windows side by side.
         """
-        training = split == "train"
-        spec = self.window
-        return StepWindows(
+        return split_windows(
             store,
             split,
-            spec if training else replace(spec, run=1, stride=spec.frames),
+            self.window,
             self.needs,
-            training,
             select=wrists if self.joint_set == "wrists" else None,
             spans=self.spans(store, split),
         )
