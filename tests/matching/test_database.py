@@ -160,6 +160,9 @@ def test_folders_that_are_refused(tmp_path):
         (json.dumps({**manifest, "version": 0}), "version 0, this version reads 1"),
         (json.dumps([]), "version None"),
         ("{", "damaged"),
+        (json.dumps({"version": 1}), "damaged: KeyError"),
+        (json.dumps({**manifest, "spec": {"fps": 15, "more": 1}}), "damaged: TypeError"),
+        (json.dumps({**manifest, "statistics": 3}), "damaged: TypeError"),
     ):
         (folder / "manifest.json").write_text(content)
         with pytest.raises(InputFileError, match=message):

@@ -116,12 +116,19 @@ def open_database(folder: Path | str, fingerprint: str | None = None) -> Matchin
         version = manifest.get("version") if isinstance(manifest, dict) else None
         problem = f"version {version}, this version reads {VERSION}"
         raise InputFileError(path, problem, hint=_REBUILD)
-    if fingerprint is not None and manifest["fingerprint"] != fingerprint:
+    if fingerprint is not None and manifest.get("fingerprint") != fingerprint:
         raise InputFileError(
             path,
-            f"made from corpus {manifest['fingerprint'][:12]}, not {fingerprint[:12]}",
+            f"made from corpus {str(manifest.get('fingerprint'))[:12]}, not {fingerprint[:12]}",
             hint="open the database of this corpus: fit_database(store)",
         )
+    try:
+        return _described(folder, manifest)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputFileError(path, f"damaged: {error!r}", hint=_REBUILD) from None
+
+
+def _described(folder: Path, manifest: dict[str, Any]) -> MatchingDatabase:
     statistics = {
         name: Normalisation(*(np.array(values) for values in manifest["statistics"][name]))
         for name in ("pose", "audio")
