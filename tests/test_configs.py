@@ -101,6 +101,12 @@ def test_the_paper_study_sweeps_every_row_over_seeds():
     assert {f"trimodal__{row}" for row in rows} <= set(names("ablation"))
 
 
+def test_mse_only_leaves_nothing_but_the_squared_error():
+    model = composed("model=multi_adversary", "ablation=multi_adversary__mse_only").model
+    assert set(model.adversaries.values()) == {None}
+    assert (model.continuity_weight, model.finger_weight) == (0, 0)
+
+
 def test_every_quick_variant_composes():
     for model in names("model"):
         quick = composed(f"model={model}").training.quick

@@ -209,3 +209,20 @@ def test_the_cost_names_steps_seconds_and_the_quick_variant(run, capsys):
     assert "2 epochs x 6 steps = 12 steps" in said
     assert "s per step: about" in said
     assert "add experiment=y" in said
+
+
+def test_without_a_number_of_epochs_the_method_tells_what_is_left(run, capsys):
+    class Knows(Shifted):
+        """Ends by itself after fourteen steps."""
+
+        steps_left = 14
+
+        def training_step(self, batch, batch_idx):
+            self.steps_left -= 1
+            self.trainer.should_stop = self.steps_left <= 0
+            return super().training_step(batch, batch_idx)
+
+    fit(run, Knows(), [CostEstimate(run, quick=None), EpochLines()], epochs=-1)
+    said = capsys.readouterr().out
+    assert "epochs of 6 steps, about 14 steps" in said
+    assert "\nepoch 2  " in said  # not "2/-2"

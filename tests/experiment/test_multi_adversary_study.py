@@ -4,6 +4,7 @@ import json
 import shutil
 
 import pytest
+import torch
 
 from tests import command_line
 from tests.multi_adversary_runs import TINY
@@ -50,14 +51,17 @@ def test_ablations_over_seeds_and_their_figures(tmp_path):
     assert figures["facts"]["checkpoints"] == "last"
     assert "full, seed 0" in figures["facts"]["phases judged by"]
 
-    # Runs that don't belong together are not taken for seeds of one system.
+    # Runs that don't belong together, or aren't at their end, are refused.
     (folder,) = (tmp_path / "studies").glob("*/multi_adversary-synthetic-full-s0-*")
     shutil.copytree(folder, folder.with_name("again"))
     refused = command_line.run(tmp_path, *study, script="evaluate.py")
     assert refused.returncode == 1
     assert "are both full, seed 0" in refused.stderr
-    record = json.loads((folder / "record.json").read_text())
-    record["seed"], record["config"]["model"]["learning_rate"] = 7, 0.1
-    (folder.with_name("again") / "record.json").write_text(json.dumps(record))
+    shutil.rmtree(folder.with_name("again"))
+    last = folder / "checkpoints" / "last.ckpt"
+    content = torch.load(last, weights_only=True)
+    content["multi_adversary"]["progress"] |= {"stage": "adversarial", "step": 1}
+    torch.save(content, last)
     refused = command_line.run(tmp_path, *study, script="evaluate.py")
-    assert "have different settings" in refused.stderr
+    assert refused.returncode == 1
+    assert "3 steps of its schedule are left" in refused.stderr

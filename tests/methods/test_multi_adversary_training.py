@@ -1,6 +1,7 @@
 """One run through all stages: what each may move, resuming in each, products."""
 
 import dataclasses
+import inspect
 import json
 
 import numpy as np
@@ -9,7 +10,9 @@ import torch
 
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.methods.multi_adversary import MultiAdversary
+from cospeech.methods.multi_adversary.keeping import DEPENDS_ON
 from cospeech.methods.multi_adversary.stages import STAGES
+from cospeech.motion.phases import PHASE_MERGES
 from tests import multi_adversary_runs as runs
 from tests.corpora import make_store
 
@@ -218,6 +221,39 @@ def test_other_settings_another_seed_or_another_corpus_have_products_of_their_ow
     facts = {**store.facts(), "fingerprint": "1" * 64}
     elsewhere = MultiAdversary(facts, **{**runs.SMALL, "products_dir": folder})
     assert set(runs.fit(elsewhere, store).stages) == set(STAGES[:5])
+
+
+def test_every_setting_is_known_to_products_or_has_no_part_in_them():
+    """A new setting is to be put into one of the two, or old products would pass for new ones."""
+    settings = set(inspect.signature(MultiAdversary.__init__).parameters) - {"self"}
+    known = {name for names in DEPENDS_ON.values() for name in names}
+    elsewhere = {
+        "corpus", "run", "stride",  # what the training sees, which is in every key
+        "adversaries", "classifier",  # by what they come to, see `StageProducts.key`
+        "products_dir", "curriculum", "adversarial_steps", "steps_per_correction",
+        "continuity_weight", "finger_weight", "correction_learning_rate", "long_form",
+    }  # fmt: skip
+    assert settings == known | elsewhere
+    assert not known & elsewhere
+
+
+def test_each_setting_and_each_fact_of_the_data_changes_the_key(store):
+    method = runs.build(store)
+    method.views.classifier = method.players.student.frozen()
+    kept, data = method.kept, {"precision": "32-true", "windows": [2, 40, 9]}
+    for stage, names in DEPENDS_ON.items():
+        key = kept.key(stage, data)
+        assert kept.key(stage, {**data, "precision": "bf16-mixed"}) != key
+        for name in names:
+            kept.arguments = {**method.hparams, name: "another"}
+            assert kept.key(stage, data) != key, (stage, name)
+        kept.arguments = dict(method.hparams)
+        assert kept.key(stage, data) == key
+    # A named classifier counts with what it reads, not by its weights alone.
+    method.players.student = None
+    key = kept.key("phase_curriculum", data)
+    method.views.classifier.merge = PHASE_MERGES["five"]
+    assert kept.key("phase_curriculum", data) != key
 
 
 def test_a_damaged_product_is_named_with_what_to_do(store, tmp_path):

@@ -52,6 +52,21 @@ def setting(classes=()):
     return Setting(ROLES, BONES, REST, np.repeat(np.arange(10), 3), np.arange(0, 30, 2), classes)
 
 
+def test_jumps_between_windows_are_measured_in_metres_and_against_the_steps_inside():
+    real = system("real", 0.1)
+    takes = []
+    for k in range(10):
+        # Every joint glides 1 cm a step; where the second and third window begin it is 7 cm.
+        steps = np.full(300, 0.01)
+        steps[[100, 200]] = 0.07
+        place = np.cumsum(steps)[:, None, None] * np.array([1.0, 0, 0])
+        takes.append(place + np.zeros((300, 5, 3)) + 0.001 * k)
+    jumping = dataclasses.replace(system("full", 0.1), side_by_side=takes)
+    _, full = measure_systems(setting(), [real, jumping], 0, 20)
+    assert full.estimates["window_jump_size"].value == pytest.approx(0.07)
+    assert full.estimates["window_jump"].value == pytest.approx(7)
+
+
 def test_a_system_twice_as_large_is_twice_as_fast_and_far():
     real, full = measure_systems(setting(), [system("real", 0.1), system("full", 0.2)], 0, 100)
     value = {key: estimate.value for key, estimate in full.estimates.items()}
