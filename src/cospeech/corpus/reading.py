@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import logging
-import multiprocessing
 import os
-import signal
-import threading
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 
@@ -19,6 +15,7 @@ from cospeech.corpus.packing import PackedSource, pack_source
 from cospeech.corpus.source import Source
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import JointMap
+from cospeech.processes import Processes
 
 logger = logging.getLogger(__name__)
 
@@ -72,14 +69,10 @@ def packed_sources(
         for source in sources:
             yield pack_source(source, joint_map, upper_body)
         return
-    # Spawned, not forked: a fork beside torch's threads can hang.
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_follow_the_parent)
+    pool = Processes(workers)
     remaining = iter(sources)
     waiting: deque[tuple[str, Future[PackedSource]]] = deque()
     source_id = ""
-    with _deaf_to_ctrl_c():
-        pool.submit(int)  # the first task starts all processes
     try:
         while True:
             for source in islice(remaining, AHEAD * workers - len(waiting)):
@@ -97,29 +90,3 @@ def packed_sources(
         ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes that start in here never hear Ctrl-C, not even before their first line runs."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _follow_the_parent() -> None:
-    """Leave Ctrl-C to the parent process, but end when it is gone, killed without a word."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
-
-
-def _end_with_the_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

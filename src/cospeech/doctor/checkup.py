@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
@@ -26,6 +25,7 @@ from cospeech.doctor.listings import check_listings
 from cospeech.doctor.reading import Read, Settings, StoredPart, read
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap import Take
+from cospeech.processes import Processes
 from cospeech.progress import progress_bar
 
 PART = 32
@@ -153,8 +153,7 @@ def _all_read(
     if workers <= 1 or len(items) <= 1:
         yield from map(task, items)
         return
-    # Spawned, not forked: a fork beside other libraries' threads can hang.
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    pool = Processes(workers)
     remaining = iter(items)
     waiting: deque[Future[Read]] = deque()
     try:

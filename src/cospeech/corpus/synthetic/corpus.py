@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from dataclasses import asdict
 from itertools import islice
 
@@ -32,6 +31,7 @@ from cospeech.corpus.synthetic.takes import (
 )
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PhaseSegment, frame_phases
+from cospeech.processes import Processes
 from cospeech.speech.tts import Utterance, speak_all
 
 GENERATOR_VERSION = "1"
@@ -172,9 +172,7 @@ def _in_order(takes: list[TakePlan], fps: float, workers: int) -> Iterator[Recor
         for take, lines in spoken:
             yield build_take(take, lines, fps)
         return
-    # spawned, not forked: a fork beside torch's threads can hang
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with Processes(workers) as pool:
         waiting: list[Future[Recording]] = []
         for take, lines in spoken:
             waiting.append(pool.submit(build_take, take, lines, fps))
