@@ -22,7 +22,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.distance import cosine
 
 from cospeech.corpus.store import Store
-from cospeech.matching.database import MatchingDatabase
+from cospeech.matching.database import MatchingDatabase, SpokenWords
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
 from cospeech.matching.fitting import fit_database
 from cospeech.matching.reference import STEP_FRAMES, search_reference
@@ -92,10 +92,13 @@ def made_up_database(sequences: int, seed: int = 0) -> MatchingDatabase:
         pose,
         audio,
         np.zeros((sequences, frames, 0, 3), dtype=np.float32),
+        np.full((sequences, frames), -1, dtype=np.int8),
         np.ones((sequences, frames), dtype=np.bool_),
         np.zeros(sequences, dtype=np.int32),
         np.arange(sequences) * frames / spec.fps,
+        SpokenWords((), *np.zeros((2, 0), dtype=np.int32), *np.zeros((2, 0))),
         *normalisations,
+        (),
         (),
         (),
         "",

@@ -3,8 +3,10 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from cospeech.matching.database import MatchingDatabase
+from cospeech.matching.database import MatchingDatabase, SpokenWords
 from cospeech.matching.features import MatchingSpec, Normalisation
+
+NO_WORDS = SpokenWords((), *np.zeros((2, 0), dtype=np.int32), *np.zeros((2, 0)))
 
 
 def make_database(sequences=20, frames=64, seed=0, pose_size=96, audio_size=112):
@@ -28,12 +30,15 @@ def from_features(pose, audio, poses=None):
         pose.astype(np.float32),
         audio.astype(np.float32),
         poses.astype(np.float32),
+        np.full(shape, -1, dtype=np.int8),
         np.ones(shape, dtype=bool),
         np.zeros(shape[0], dtype=np.int32),
         np.arange(shape[0]) * shape[1] / 15,
+        NO_WORDS,
         *unit,
         ("a", "b"),
         ("a", "b"),
+        ("a",),
         "0" * 64,
         "1" * 64,
     )

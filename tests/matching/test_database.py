@@ -1,6 +1,7 @@
 """Databases fitted to a small corpus: content by hand, and every way a folder can be wrong."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from cospeech.corpus.splits import SPLITS, Span
 from cospeech.corpus.store import Store
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.matching.database import check_database, open_database
+from cospeech.matching.database import VERSION, check_database, open_database
 from cospeech.matching.features import MatchingSpec, Normalisation, search_joints, stack_taps
 from cospeech.matching.fitting import database_folder, fit_database
 from cospeech.matching.matching import Clip, match
@@ -17,6 +18,7 @@ from cospeech.matching.search import MatchingSearch
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.feature_sets.sphinx import sphinx_features
+from cospeech.speech.speech import Speech, Word
 from tests.corpora import make_recording, make_store
 
 SHORT = MatchingSpec(chunk_frames=32)
@@ -102,6 +104,36 @@ def test_content(tmp_path, spec):
     np.testing.assert_allclose(raw[:, -14:], later, rtol=1e-4, atol=1e-4)
 
 
+def test_heads_phases_and_words(tmp_path):
+    takes = [make_recording(f"t{i}", seed=i, phases=i != 1) for i in range(6)]
+    takes[2] = make_recording("t2", words=(Word("Big", 1.0, 1.4),), phases=True)
+    store = make_store(tmp_path, takes)
+    database = fit_database(store, SHORT)
+    assert database.pose_roles[-3:] == ("neck", "nose", "head")
+    np.testing.assert_allclose(
+        database.upper_body(database.poses[5]), store.upper_body(1)[32:64], atol=1e-6
+    )
+    assert database.phases[0].tolist() == (np.arange(32) // 8 % 9).tolist()
+    assert (database.phases[4:8] == -1).all()
+    words = database.words
+    assert words.vocabulary == ("one", "two", "three", "big")
+    of_big = words.ids == 3
+    assert words.recordings[of_big].tolist() == [2]
+    assert (words.starts_s[of_big][0], words.ends_s[of_big][0]) == (1.0, 1.4)
+    assert (words.recordings == 0).sum() == len(takes[0].speech.words)
+
+
+def test_without_any_transcript(tmp_path):
+    database = fit_database(make_store(tmp_path, [wordless(i) for i in range(6)]), SHORT)
+    assert database.words.vocabulary == ()
+    assert len(database.words.ids) == 0
+
+
+def wordless(seed):
+    take = make_recording(f"t{seed}", seed=seed)
+    return replace(take, speech=Speech(take.speech.waveform, None))
+
+
 def test_starts_without_a_known_future_are_left_out(tmp_path):
     # 130 frames: the fourth sequence ends at 128, and its last 12 frames hear beyond frame 129.
     store = make_store(tmp_path, [make_recording(f"t{i}", seconds=130 / 15) for i in range(3)])
@@ -157,10 +189,10 @@ def test_folders_that_are_refused(tmp_path):
         open_database(tmp_path)
     manifest = json.loads((folder / "manifest.json").read_text())
     for content, message in (
-        (json.dumps({**manifest, "version": 0}), "version 0, this version reads 1"),
+        (json.dumps({**manifest, "version": 0}), f"version 0, this version reads {VERSION}"),
         (json.dumps([]), "version None"),
         ("{", "damaged"),
-        (json.dumps({"version": 1}), "damaged: KeyError"),
+        (json.dumps({"version": VERSION}), "damaged: KeyError"),
         (json.dumps({**manifest, "spec": {"fps": 15, "more": 1}}), "damaged: TypeError"),
         (json.dumps({**manifest, "statistics": 3}), "damaged: TypeError"),
     ):

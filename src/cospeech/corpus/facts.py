@@ -15,6 +15,7 @@ class CorpusFacts(TypedDict):
         bone_lengths: Nine mean bone lengths of the training split, metres.
         skeleton: The recordings' skeleton (`Skeleton.to_dict`); of several, the first.
         fingerprint: Hash of the corpus's sources and settings.
+        store: Folder of the prepared corpus, for methods that look things up in it.
     """
 
     words: list[str]
@@ -23,3 +24,4 @@ class CorpusFacts(TypedDict):
     bone_lengths: list[float]
     skeleton: dict[str, Any]
     fingerprint: str
+    store: str

@@ -284,6 +284,7 @@ class Store:
             "bone_lengths": self.manifest["statistics"].get("bone_lengths", []),
             "skeleton": self.manifest["skeletons"][0],
             "fingerprint": self.fingerprint,
+            "store": str(self.path.absolute()),
         }
 
     def speaker_id(self, recording: int) -> int:

@@ -5,10 +5,13 @@ A folder of plain arrays, read by memory map::
     manifest.json        version, corpus fingerprint, settings, statistics, joints, hash
     pose_features.npy    (M, T, Dp) float32, normalised
     audio_features.npy   (M, T, Da) float32, normalised
-    poses.npy            (M, T, J, 3) float32: the gesturing joints in the body frame, metres
+    poses.npy            (M, T, J, 3) float32: what is put out, in the body frame, metres
+    phases.npy           (M, T) int8: annotated gesture phases, -1 where there are none
     usable.npy           (M, T) bool: whether a window may start here
     recordings.npy       (M,) int32: the recording that a sequence was cut from
     starts_s.npy         (M,) float64: time of its first frame in the recording
+    words.npy            (W, 2) int32: id and recording of every word of the transcripts
+    word_times_s.npy     (W, 2) float64: its onset and end in the recording
 """
 
 from __future__ import annotations
@@ -26,9 +29,37 @@ from cospeech.errors import InputFileError
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
 from cospeech.speech.feature_sets.sphinx import sphinx_features
 
-VERSION = 1
-ARRAYS = ("pose_features", "audio_features", "poses", "usable", "recordings", "starts_s")
+VERSION = 2
+_PER_SEQUENCE = (
+    "pose_features",
+    "audio_features",
+    "poses",
+    "phases",
+    "usable",
+    "recordings",
+    "starts_s",
+)
+ARRAYS = (*_PER_SEQUENCE, "words", "word_times_s")
 _REBUILD = "delete the folder and fit the database again"
+
+
+@dataclass(frozen=True, eq=False)
+class SpokenWords:
+    """The transcripts of a database's recordings, W words in all.
+
+    Attributes:
+        vocabulary: Distinct words, in lower case.
+        ids: ``(W,)`` indices into it.
+        recordings: ``(W,)`` recordings in the store.
+        starts_s: ``(W,)`` onsets in the recording, s.
+        ends_s: ``(W,)`` ends, s.
+    """
+
+    vocabulary: tuple[str, ...]
+    ids: NDArray[np.int32]
+    recordings: NDArray[np.int32]
+    starts_s: NDArray[np.float64]
+    ends_s: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +71,16 @@ class MatchingDatabase:
         pose_features: ``(M, T, Dp)`` float32, normalised.
         audio_features: ``(M, T, Da)`` float32, normalised.
         poses: ``(M, T, J, 3)`` float32, metres, in the body frame: what is put out.
+        phases: ``(M, T)`` int8 indices into `cospeech.motion.phases.PHASES`, -1 where unknown.
         usable: ``(M, T)``: whether a window may start here.
         recordings: ``(M,)`` index of the recording in the store.
         starts_s: ``(M,)`` time of a sequence's first frame in its recording, s.
+        words: What is spoken in the recordings.
         pose_normalisation: Of the pose features.
         audio_normalisation: Of the audio features.
         search_roles: The joints that are compared.
         pose_roles: The J joints of ``poses``.
+        evaluation_roles: Those that are the ten joints of the evaluation, in its order.
         fingerprint: The corpus it comes from.
         hash: Of everything in it; a checkpoint names its database by it.
     """
@@ -55,13 +89,16 @@ class MatchingDatabase:
     pose_features: NDArray[np.float32]
     audio_features: NDArray[np.float32]
     poses: NDArray[np.float32]
+    phases: NDArray[np.int8]
     usable: NDArray[np.bool_]
     recordings: NDArray[np.int32]
     starts_s: NDArray[np.float64]
+    words: SpokenWords
     pose_normalisation: Normalisation
     audio_normalisation: Normalisation
     search_roles: tuple[str, ...]
     pose_roles: tuple[str, ...]
+    evaluation_roles: tuple[str, ...]
     fingerprint: str
     hash: str
 
@@ -72,7 +109,15 @@ class MatchingDatabase:
         """``(T,)`` time of each frame of a sequence in its recording, s."""
         return self.starts_s[sequence] + np.arange(self.usable.shape[1]) / self.spec.fps
 
-    def audio_queries(self, waveform: NDArray[np.float32]) -> NDArray[np.float32]:
+    def upper_body(self, poses: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The evaluation's ``(..., 10, 3)`` of poses ``(..., J, 3)``; the spine is the origin."""
+        chosen = poses[..., [self.pose_roles.index(role) for role in self.evaluation_roles], :]
+        relative: NDArray[np.float32] = chosen - chosen[..., :1, :]
+        return relative
+
+    def audio_queries(
+        self, waveform: NDArray[np.float32], frames: int | None = None
+    ) -> NDArray[np.float32]:
         """Normalised audio features of speech to gesture to.
 
         Past the end there are zeros before normalisation, as published; with
@@ -80,16 +125,18 @@ class MatchingDatabase:
 
         Args:
             waveform: ``(N,)`` samples at 16 kHz.
+            frames: F; those that begin past the waveform's end are silent. None: as many as
+                there are whole frames.
 
         Returns:
             ``(F, Da)`` at ``spec.fps``.
         """
         spec = self.spec
-        channels = sphinx_features(waveform, spec.fps)
-        frames, reach = len(channels), spec.reach(spec.audio_taps)
-        if spec.true_future and frames:
+        channels = sphinx_features(waveform, spec.fps, frames)
+        count, reach = len(channels), spec.reach(spec.audio_taps)
+        if spec.true_future and count:
             channels = np.pad(channels, ((0, reach), (0, 0)), mode="edge")
-        features = stack_taps(channels, spec.audio_taps, spec.tap_spacing)[:frames]
+        features = stack_taps(channels, spec.audio_taps, spec.tap_spacing)[:count]
         return self.audio_normalisation(features)
 
 
@@ -133,13 +180,19 @@ def _described(folder: Path, manifest: dict[str, Any]) -> MatchingDatabase:
         name: Normalisation(*(np.array(values) for values in manifest["statistics"][name]))
         for name in ("pose", "audio")
     }
+    arrays = {name: _open_array(folder, name, manifest["arrays"][name]) for name in ARRAYS}
+    words, times_s = arrays["words"], arrays["word_times_s"]
     return MatchingDatabase(
         MatchingSpec(**manifest["spec"]),
-        **{name: _open_array(folder, name, manifest["arrays"][name]) for name in ARRAYS},
+        **{name: arrays[name] for name in _PER_SEQUENCE},
+        words=SpokenWords(
+            tuple(manifest["vocabulary"]), words[:, 0], words[:, 1], times_s[:, 0], times_s[:, 1]
+        ),
         pose_normalisation=statistics["pose"],
         audio_normalisation=statistics["audio"],
         search_roles=tuple(manifest["search_roles"]),
         pose_roles=tuple(manifest["pose_roles"]),
+        evaluation_roles=tuple(manifest["evaluation_roles"]),
         fingerprint=manifest["fingerprint"],
         hash=manifest["hash"],
     )

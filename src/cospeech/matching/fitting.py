@@ -5,11 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import math
 import os
 import shutil
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,6 @@ from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from cospeech.corpus.build_folder import write_json
-from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.matching.database import (
@@ -28,18 +25,9 @@ from cospeech.matching.database import (
     content_hash,
     open_database,
 )
-from cospeech.matching.features import (
-    MatchingSpec,
-    Normalisation,
-    SearchJoints,
-    search_joints,
-    stack_taps,
-)
-from cospeech.motion.interleaves import at_a_multiple
-from cospeech.motion.velocities import BodyJoints, body_positions
-from cospeech.progress import progress_bar
-from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_features
-from cospeech.speech.speech import SAMPLE_RATE
+from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
+from cospeech.matching.tracks import Track, Tracks
+from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS
 
 logger = logging.getLogger(__name__)
 
@@ -94,47 +82,17 @@ def fit_database(store: Store, spec: MatchingSpec | None = None) -> MatchingData
     return open_database(folder, store.fingerprint)
 
 
-@dataclass(frozen=True, eq=False)
-class _Track:
-    """One span at the database's rate.
-
-    Attributes:
-        recording: Its index in the store.
-        start_s: Time of the first frame in the recording.
-        search: ``(F, C)`` positions that are compared.
-        poses: ``(F, J, 3)`` positions that are put out.
-        audio: ``(F, 14)``.
-    """
-
-    recording: int
-    start_s: float
-    search: NDArray[np.float32]
-    poses: NDArray[np.float32]
-    audio: NDArray[np.float32]
-
-
 class _Build:
     """The arrays of one database, while they are made."""
 
     def __init__(self, store: Store, spec: MatchingSpec, folder: Path) -> None:
         self.store, self.spec, self.folder = store, spec, folder
-        self._joints = [search_joints(skeleton) for skeleton in _training_skeletons(store)]
-        different = {
-            role
-            for joints in self._joints
-            for role in set(joints.gesture.roles) ^ set(self._joints[0].gesture.roles)
-        }
-        if different:
-            raise CospeechError(
-                f"{store.name}: its recordings have different gesturing joints"
-                f" ({', '.join(sorted(different))})",
-                "prepare those with and without fingers as two corpora",
-            )
+        self._tracks = Tracks(store, "train", spec.fps)
 
     def write(self) -> None:
         """Write the arrays, then the manifest."""
         spec, length = self.spec, self.spec.chunk_frames
-        sequences = [(track, i) for track in self._tracks() for i in _firsts(track, length)]
+        sequences = [(track, i) for track in self._tracks for i in _firsts(track, length)]
         if not sequences:
             raise CospeechError(
                 f"{self.store.name}: no training recording is as long as a sequence"
@@ -142,18 +100,18 @@ class _Build:
                 "use longer recordings, or shorter sequences (chunk_frames)",
             )
         shape = (len(sequences), length)
-        joints = self._joints[0]
         widths = {
-            "pose_features": (spec.pose_taps * 3 * len(joints.roles),),
+            "pose_features": (spec.pose_taps * 3 * len(self._tracks.joints.roles),),
             "audio_features": (spec.audio_taps * STATIC_CHANNELS,),
-            "poses": (len(joints.gesture.roles), 3),
+            "poses": (len(self._tracks.pose_roles), 3),
         }
         arrays: dict[str, NDArray[Any]] = {
             name: open_memmap(self.folder / f"{name}.npy", "w+", np.float32, (*shape, *width))
             for name, width in widths.items()
         }
         arrays["usable"] = np.ones(shape, dtype=np.bool_)
-        arrays["recordings"] = np.array([track.recording for track, _ in sequences], np.int32)
+        arrays["phases"] = np.stack([track.phases[i : i + length] for track, i in sequences])
+        arrays["recordings"] = np.array([track.span.recording for track, _ in sequences], np.int32)
         arrays["starts_s"] = np.array([track.start_s + i / spec.fps for track, i in sequences])
         for m, (track, first) in enumerate(sequences):
             arrays["poses"][m] = track.poses[first : first + length]
@@ -167,13 +125,14 @@ class _Build:
                 arrays[name][m] = stack_taps(known, taps, spec.tap_spacing)[:length]
                 if spec.true_future:
                     arrays["usable"][m, max(0, len(known) - spec.reach(taps)) :] = False
+        vocabulary, arrays["words"], arrays["word_times_s"] = self._words()
         statistics = {
             name: _normalise(arrays[f"{name}_features"], arrays["usable"])
             for name in ("pose", "audio")
         }
-        self._finish(arrays, statistics)
+        self._finish(arrays, {"statistics": statistics, "vocabulary": vocabulary})
 
-    def _finish(self, arrays: dict[str, NDArray[Any]], statistics: dict[str, Any]) -> None:
+    def _finish(self, arrays: dict[str, NDArray[Any]], learnt: dict[str, Any]) -> None:
         for name, values in arrays.items():
             if isinstance(values, np.memmap):
                 values.flush()
@@ -185,9 +144,10 @@ class _Build:
             "corpus": self.store.name,
             "fingerprint": self.store.fingerprint,
             "spec": asdict(self.spec),
-            "statistics": statistics,
-            "search_roles": list(self._joints[0].roles),
-            "pose_roles": list(self._joints[0].gesture.roles),
+            **learnt,
+            "search_roles": list(self._tracks.joints.roles),
+            "pose_roles": list(self._tracks.pose_roles),
+            "evaluation_roles": list(self._tracks.evaluation_roles),
             "unusable_frames": int((~usable).sum()),
             "arrays": {
                 name: {"shape": list(arrays[name].shape), "dtype": arrays[name].dtype.name}
@@ -205,53 +165,26 @@ class _Build:
             usable.size,
         )
 
-    def _tracks(self) -> Iterator[_Track]:
-        store = self.store
-        spans = store.spans_with_sound(store.splits["train"], "the matching database")
-        skeletons = _training_skeletons(store)
-        for span in progress_bar(spans, len(spans), "matching database"):
-            skeleton = store.skeletons[store.recordings[span.recording].skeleton]
-            yield self._track(span, self._joints[skeletons.index(skeleton)])
-
-    def _track(self, span: Span, joints: SearchJoints) -> _Track:
-        store, fps = self.store, self.spec.fps
-        motion = store.motion(span.recording)
-        first = math.ceil(span.start / EVALUATION_FPS * motion.fps - 1e-6)
-        stop = len(motion)
-        if span.stop < store.recordings[span.recording].frames:
-            stop = min(stop, math.ceil(span.stop / EVALUATION_FPS * motion.fps - 1e-6))
-        body = joints.gesture.body
-        both = BodyJoints((*joints.joints, *body.joints), body.reference, body.sideways)
-        positions = body_positions(motion.slice(first, stop), both)
-        positions, multiple = at_a_multiple(positions, motion.fps, fps)
-        positions = positions[::multiple]
-        # Audio of another split isn't looked at, so a span's last frames hear its audio repeated.
-        start_s = first / motion.fps
-        samples = store.read(
-            span.recording,
-            "audio",
-            round(start_s * SAMPLE_RATE),
-            round(stop / motion.fps * SAMPLE_RATE),
-        )
-        waveform = samples[:, 0] * np.float32(1 / 32767)
-        searched = positions[:, : len(joints.joints)]
-        return _Track(
-            span.recording,
-            start_s,
-            searched.reshape(len(searched), -1),
-            positions[:, len(joints.joints) :],
-            sphinx_features(waveform, fps, len(positions)),
+    def _words(self) -> tuple[list[str], NDArray[np.int32], NDArray[np.float64]]:
+        """Vocabulary, and of every training word its id with its recording, and its times."""
+        vocabulary: dict[str, int] = {}
+        ids, times = [], []
+        for span in self._tracks.spans:
+            offset_s = span.start / EVALUATION_FPS
+            for word in self.store.speech(span).words or ():
+                number = vocabulary.setdefault(word.text.lower(), len(vocabulary))
+                ids.append((number, span.recording))
+                times.append((offset_s + word.start, offset_s + word.end))
+        return (
+            list(vocabulary),
+            np.array(ids, dtype=np.int32).reshape(-1, 2),
+            np.array(times, dtype=np.float64).reshape(-1, 2),
         )
 
 
-def _training_skeletons(store: Store) -> list[Any]:
-    used = {store.recordings[span.recording].skeleton for span in store.splits["train"]}
-    return [store.skeletons[i] for i in sorted(used)]
-
-
-def _firsts(track: _Track, length: int) -> range:
+def _firsts(track: Track, length: int) -> range:
     """First frames of a track's disjoint sequences."""
-    return range(0, len(track.poses) - length + 1, length)
+    return range(0, len(track) - length + 1, length)
 
 
 def _normalise(features: NDArray[np.float32], usable: NDArray[np.bool_]) -> list[list[float]]:
