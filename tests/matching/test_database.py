@@ -71,6 +71,7 @@ def test_knuckles_are_the_joints_numbered_one():
 def test_content(tmp_path, spec):
     store = make_store(tmp_path)
     database = fit_database(store, spec)
+    assert database.spoken_by("ben").tolist() == [i // 4 % 2 == 1 for i in range(16)]
     # Four training takes of 150 frames: four sequences each, 22 frames left over.
     assert database.usable.shape == (16, 32)
     assert database.recordings.tolist() == [i for i in range(4) for _ in range(4)]
@@ -113,6 +114,9 @@ def test_heads_phases_and_words(tmp_path):
     np.testing.assert_allclose(
         database.upper_body(database.poses[5]), store.upper_body(1)[32:64], atol=1e-6
     )
+    assert database.speaker_names == ("ada",)
+    assert database.spoken_by("ada").all()
+    assert not database.spoken_by("ben").any()
     assert database.phases[0].tolist() == (np.arange(32) // 8 % 9).tolist()
     assert (database.phases[4:8] == -1).all()
     words = database.words

@@ -8,6 +8,7 @@ A folder of plain arrays, read by memory map::
     poses.npy            (M, T, J, 3) float32: what is put out, in the body frame, metres
     phases.npy           (M, T) int8: annotated gesture phases, -1 where there are none
     usable.npy           (M, T) bool: whether a window may start here
+    speakers.npy         (M,) int32: index of the speaker in the manifest's list
     recordings.npy       (M,) int32: the recording that a sequence was cut from
     starts_s.npy         (M,) float64: time of its first frame in the recording
     words.npy            (W, 2) int32: id and recording of every word of the transcripts
@@ -36,6 +37,7 @@ _PER_SEQUENCE = (
     "poses",
     "phases",
     "usable",
+    "speakers",
     "recordings",
     "starts_s",
 )
@@ -73,9 +75,11 @@ class MatchingDatabase:
         poses: ``(M, T, J, 3)`` float32, metres, in the body frame: what is put out.
         phases: ``(M, T)`` int8 indices into `cospeech.motion.phases.PHASES`, -1 where unknown.
         usable: ``(M, T)``: whether a window may start here.
+        speakers: ``(M,)`` indices into ``speaker_names``.
         recordings: ``(M,)`` index of the recording in the store.
         starts_s: ``(M,)`` time of a sequence's first frame in its recording, s.
         words: What is spoken in the recordings.
+        speaker_names: Who is in it.
         pose_normalisation: Of the pose features.
         audio_normalisation: Of the audio features.
         search_roles: The joints that are compared.
@@ -91,9 +95,11 @@ class MatchingDatabase:
     poses: NDArray[np.float32]
     phases: NDArray[np.int8]
     usable: NDArray[np.bool_]
+    speakers: NDArray[np.int32]
     recordings: NDArray[np.int32]
     starts_s: NDArray[np.float64]
     words: SpokenWords
+    speaker_names: tuple[str, ...]
     pose_normalisation: Normalisation
     audio_normalisation: Normalisation
     search_roles: tuple[str, ...]
@@ -104,6 +110,10 @@ class MatchingDatabase:
 
     def __len__(self) -> int:
         return len(self.usable)
+
+    def spoken_by(self, speaker: str) -> NDArray[np.bool_]:
+        """``(M,)``: the sequences of one speaker; none of somebody who isn't in it."""
+        return np.array([name == speaker for name in self.speaker_names])[self.speakers]
 
     def frame_times_s(self, sequence: int) -> NDArray[np.float64]:
         """``(T,)`` time of each frame of a sequence in its recording, s."""
@@ -188,6 +198,7 @@ def _described(folder: Path, manifest: dict[str, Any]) -> MatchingDatabase:
         words=SpokenWords(
             tuple(manifest["vocabulary"]), words[:, 0], words[:, 1], times_s[:, 0], times_s[:, 1]
         ),
+        speaker_names=tuple(manifest["speakers"]),
         pose_normalisation=statistics["pose"],
         audio_normalisation=statistics["audio"],
         search_roles=tuple(manifest["search_roles"]),

@@ -125,12 +125,17 @@ class _Build:
                 arrays[name][m] = stack_taps(known, taps, spec.tap_spacing)[:length]
                 if spec.true_future:
                     arrays["usable"][m, max(0, len(known) - spec.reach(taps)) :] = False
+        recordings = self.store.recordings
+        names = [recordings[track.span.recording].speaker for track, _ in sequences]
+        speakers = list(dict.fromkeys(names))
+        arrays["speakers"] = np.array([speakers.index(name) for name in names], np.int32)
         vocabulary, arrays["words"], arrays["word_times_s"] = self._words()
         statistics = {
             name: _normalise(arrays[f"{name}_features"], arrays["usable"])
             for name in ("pose", "audio")
         }
-        self._finish(arrays, {"statistics": statistics, "vocabulary": vocabulary})
+        learnt = {"statistics": statistics, "vocabulary": vocabulary, "speakers": speakers}
+        self._finish(arrays, learnt)
 
     def _finish(self, arrays: dict[str, NDArray[Any]], learnt: dict[str, Any]) -> None:
         for name, values in arrays.items():

@@ -1,0 +1,169 @@
+"""From speech to matched motion: what the methods that search a database share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.matching.control import ControlPlan, Controls, plan_controls
+from cospeech.matching.database import MatchingDatabase
+from cospeech.matching.matching import Clip, Matched, match_together
+from cospeech.matching.reference import STEP_FRAMES, Preselect
+from cospeech.matching.seams import Seam, blended
+from cospeech.matching.search import MatchingSearch
+from cospeech.speech.speech import SAMPLE_RATE, Speech
+
+
+@dataclass(frozen=True)
+class MatchingSettings:
+    """How a database is searched; the published way by default (spec A.4).
+
+    Attributes:
+        preselect: By what each sequence's candidate is found; ``"pose_only"`` hears nothing.
+        step_frames: Frames that each search adds.
+        k: Which candidate is taken, from 1.
+        start_offset: 1 begins a window one frame after the one that is like the pose before it, so
+            that no pose shows twice.
+        natural_continuation: The sequence that a window came from offers the window that goes on
+            there, instead of its nearest.
+        mean_pose: Begin near the mean pose, not near a random frame.
+        seam: What happens between windows.
+
+    Raises:
+        ConfigError: A value out of range or not among the choices.
+    """
+
+    preselect: Preselect = "pose"
+    step_frames: int = STEP_FRAMES
+    k: int = 1
+    start_offset: int = 0
+    natural_continuation: bool = False
+    mean_pose: bool = False
+    seam: Seam = "cut"
+
+    def __post_init__(self) -> None:
+        for name, value, choices in (
+            ("preselect", self.preselect, get_args(Preselect)),
+            ("seam", self.seam, get_args(Seam)),
+            ("start_offset", self.start_offset, (0, 1)),
+        ):
+            if value not in choices:
+                known = ", ".join(str(choice) for choice in choices)
+                raise ConfigError(f"model.{name}={value!r} is not one of {known}")
+        for name in ("step_frames", "k"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"model.{name}={getattr(self, name)}: must be at least 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Synthesis:
+    """Motion for one speech, and how it came about.
+
+    Attributes:
+        poses: ``(F, J, 3)`` of the database's ``pose_roles``, metres, in the body frame.
+        matched: Where every window comes from; its poses are unblended.
+        plan: What was asked for and held; None without controls.
+    """
+
+    poses: NDArray[np.float32]
+    matched: Matched
+    plan: ControlPlan | None
+
+
+class MotionMatcher:
+    """A database ready to be searched for speech.
+
+    Args:
+        database: What is searched.
+        settings: How.
+        threads: How many share a search; one per core when None.
+    """
+
+    def __init__(
+        self, database: MatchingDatabase, settings: MatchingSettings, threads: int | None = None
+    ) -> None:
+        self.database, self.settings = database, settings
+        self.search = MatchingSearch(
+            database, settings.step_frames, settings.preselect, settings.start_offset, threads
+        )
+
+    def frames_of(self, waveform: NDArray[np.float32]) -> int:
+        """Frames of motion that cover a waveform."""
+        return math.ceil(len(waveform) / SAMPLE_RATE * self.database.spec.fps - 1e-9)
+
+    def __call__(
+        self,
+        speech: Speech,
+        controls: Controls | None = None,
+        generator: torch.Generator | None = None,
+        closed: Sequence[int] | NDArray[np.int64] | None = None,
+    ) -> Synthesis:
+        """Motion for speech of any length.
+
+        Args:
+            speech: Words are read where controls ask for keywords.
+            controls: What the motion shall be like, and when.
+            generator: Draws the first pose.
+            closed: Sequences that aren't used.
+
+        Returns:
+            ``ceil(duration * fps)`` poses.
+
+        Raises:
+            CospeechError: The waveform holds NaN, or a step's controls leave no window and are
+                said to be an error then.
+        """
+        queries = self._heard(speech.waveform)
+        plan = None
+        if controls is not None:
+            steps = -(-len(queries) // self.settings.step_frames)
+            plan = plan_controls(controls, self.search, steps, speech.words, closed)
+        (matched,) = self._match([self._clip(queries, plan, closed)], generator)
+        return Synthesis(self._blended(matched), matched, plan)
+
+    def together(
+        self,
+        waveforms: Sequence[NDArray[np.float32]],
+        closed: Sequence[NDArray[np.int64] | None],
+        generator: torch.Generator | None = None,
+    ) -> list[Matched]:
+        """Motion for several waveforms at once, uncontrolled, seams as the settings say."""
+        clips = [
+            self._clip(self._heard(wave), None, shut)
+            for wave, shut in zip(waveforms, closed, strict=True)
+        ]
+        found = self._match(clips, generator)
+        return [
+            Matched(self._blended(one), one.sequences, one.frames, one.candidates, one.eligible)
+            for one in found
+        ]
+
+    def _heard(self, waveform: NDArray[np.float32]) -> NDArray[np.float32]:
+        if not np.isfinite(waveform).all():
+            raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
+        return self.database.audio_queries(waveform, self.frames_of(waveform))
+
+    def _clip(
+        self,
+        queries: NDArray[np.float32],
+        plan: ControlPlan | None,
+        closed: Sequence[int] | NDArray[np.int64] | None,
+    ) -> Clip:
+        settings = self.settings
+        masks = None if plan is None else plan.masks
+        shut = () if closed is None else tuple(int(sequence) for sequence in closed)
+        return Clip(queries, masks, settings.k, shut, settings.mean_pose)
+
+    def _match(self, clips: Sequence[Clip], generator: torch.Generator | None) -> list[Matched]:
+        return match_together(self.search, clips, generator, self.settings.natural_continuation)
+
+    def _blended(self, matched: Matched) -> NDArray[np.float32]:
+        settings = self.settings
+        return blended(matched, self.database, settings.step_frames, settings.seam)
