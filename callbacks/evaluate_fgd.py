@@ -9,6 +9,7 @@ from lightning import Callback, LightningModule, Trainer
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import CospeechError
 from cospeech.experiment import RunContext
+from cospeech.methods.base import GestureMethod
 from cospeech.metrics.acceleration_error import AccelerationError
 from cospeech.metrics.feature_distance import FeatureDistance
 from cospeech.metrics.fgd import FrechetGestureDistance
@@ -80,6 +81,8 @@ class EvaluateFGD(Callback):
             "fgd_covariance_term": terms.covariance_term,
             **{name: metric.compute() for name, metric in self._metrics.items() if name != "fgd"},
         }
+        if isinstance(pl_module, GestureMethod):
+            values |= pl_module.also_judged(values)
         for name, value in values.items():
             # Already synchronised: every process logs the same value.
             pl_module.log(f"{stage}/{name}", value.float(), prog_bar=name == "fgd")

@@ -23,6 +23,10 @@ class GestureBatch:
             pelvis, facing +z, metres (`cospeech.motion.gesture_joints`).
         acoustics: ``(B, T, 27)`` float32, 26 MFCC and F0 at the method's rate
             (`cospeech.speech.feature_sets.opensmile`), not normalised.
+        matched: ``(B, T, J, 3)`` float32, motion found for the same speech by a search, joints as
+            ``joints``.
+        cepstra: ``(B, T, 28)`` float32, `cospeech.speech.feature_sets.sphinx` with slopes, not
+            normalised.
         phases: ``(B, T)`` int64, gesture phases as indices into `cospeech.motion.phases.PHASES`.
     """
 
@@ -34,6 +38,8 @@ class GestureBatch:
     joints: Tensor | None = None
     acoustics: Tensor | None = None
     phases: Tensor | None = None
+    matched: Tensor | None = None
+    cepstra: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.window_ids)

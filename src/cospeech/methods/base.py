@@ -79,6 +79,14 @@ class GestureMethod(LightningModule):
         generator = torch.Generator(device=self.device).manual_seed(batch_idx)
         return self.sample(batch, generator)
 
+    def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Further values of an evaluation, logged beside those it is given.
+
+        Args:
+            values: Name, without the stage, -> value: ``fgd`` and the others of the callback.
+        """
+        return {}
+
     def test_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """As `validation_step`."""
         return self.validation_step(batch, batch_idx)

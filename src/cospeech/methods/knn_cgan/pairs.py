@@ -1,0 +1,397 @@
+"""What the refinement learns from: matched motion for windows that have motion of their own.
+
+Every overlapping window of the training split is searched with its own sound (section 3.3; spec
+A.6). Kept are pointers into the database, not poses, in a folder of plain arrays::
+
+    manifest.json   what made them, what was measured, hash
+    windows.npy     (P, 2) int32: track and first frame
+    ks.npy          (P,) int32: which candidate was taken, from 1
+    pointers.npy    (P, S, 2) int32: sequence and first frame of every step
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from cospeech.corpus.build_folder import write_json
+from cospeech.errors import ConfigError, CospeechError, InputFileError
+from cospeech.matching.database import MatchingDatabase
+from cospeech.matching.features import stack_taps
+from cospeech.matching.matching import Clip, match_together
+from cospeech.matching.search import MatchingSearch
+from cospeech.matching.tracks import Track
+from cospeech.progress import progress_bar
+
+logger = logging.getLogger(__name__)
+
+VERSION = 1
+MEASURED_WINDOWS = 1000
+"""Windows searched a second time, with nothing closed, to see how often they find themselves."""
+
+_ARRAYS = ("windows", "ks", "pointers")
+_CHUNK = 512
+_REBUILD = "delete the folder and make the pairs again"
+
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """Which windows are searched, and how; as published by default.
+
+    Attributes:
+        frames: Frames per window.
+        stride: Frames from one window's start to the next.
+        first_share: Share of windows that take the best candidate.
+        largest_k: The others take one of the second to this one, each as often.
+        first_only: All windows take the best.
+        closed_frames: Sequences of a window's own recording are closed to it up to so many frames
+            from its ends. None closes nothing: windows then find their own motion.
+        natural_continuation: As in `match_together`.
+        from_mean_pose: As in `Clip`.
+
+    Raises:
+        ConfigError: A value out of range.
+    """
+
+    frames: int = 64
+    stride: int = 5
+    first_share: float = 0.5
+    largest_k: int = 15
+    first_only: bool = False
+    closed_frames: int | None = 64
+    natural_continuation: bool = False
+    from_mean_pose: bool = False
+
+    def __post_init__(self) -> None:
+        for name, least in (("frames", 1), ("stride", 1), ("largest_k", 2), ("closed_frames", 0)):
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise ConfigError(f"pairs: {name}={value}", f"use {least} or more")
+        if not 0 <= self.first_share <= 1:
+            raise ConfigError(f"pairs: first_share={self.first_share}", "use a share from 0 to 1")
+
+    def for_judging(self) -> PairSettings:
+        """Windows side by side, best candidates, nothing closed: for splits not in the database."""
+        return replace(self, stride=self.frames, first_only=True, closed_frames=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Windows, and what was matched to each.
+
+    Attributes:
+        settings: What made them.
+        windows: ``(P, 2)`` int32: index of the track, first frame in it.
+        ks: ``(P,)`` int32: which candidate was taken at every step, from 1.
+        pointers: ``(P, S, 2)`` int32: sequence and first frame that each step put out.
+        own_hits: Share of steps whose window lies in the closed neighbourhood when nothing is
+            closed: what closing removed. None where nothing is closed.
+    """
+
+    settings: PairSettings
+    windows: NDArray[np.int32]
+    ks: NDArray[np.int32]
+    pointers: NDArray[np.int32]
+    own_hits: float | None
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+
+def make_pairs(
+    tracks: Sequence[Track],
+    search: MatchingSearch,
+    settings: PairSettings,
+    seed: int,
+    folder: Path | str,
+    speakers: Sequence[str] | None = None,
+    chunk: int = _CHUNK,
+) -> Pairs:
+    """Match motion to every window of some tracks, or open what was matched before.
+
+    The result depends on the seed, not on the chunk. A killed run leaves nothing behind that looks
+    like pairs, and damaged ones are made again.
+
+    Args:
+        tracks: Of one split, at the database's rate.
+        search: The database, and how it is searched.
+        settings: Which windows, and how.
+        seed: Draws which candidate each window takes, and its first pose.
+        folder: Where pairs are kept, each set in a folder of its own.
+        speakers: Who speaks on each track, to whose motion its windows are kept; somebody who isn't
+            in the database gets everybody's. None: everybody gets everybody's.
+        chunk: Windows that are searched together.
+
+    Raises:
+        CospeechError: No track is as long as a window, or closing leaves a window nothing.
+    """
+    made_by = _made_by(tracks, search, settings, seed, speakers)
+    digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode()).hexdigest()
+    place = Path(folder) / digest[:12]
+    if place.is_dir():
+        try:
+            return _open(place, made_by, settings, search)
+        except InputFileError as error:
+            logger.warning("%s: %s; the pairs are made again", error.path, error.problem)
+            shutil.rmtree(place)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    building = place.with_name(f".{place.name}.building-{os.getpid()}")
+    shutil.rmtree(building, ignore_errors=True)
+    building.mkdir()
+    try:
+        pairs = _Matching(tracks, search, settings, seed, speakers, chunk).pairs()
+        arrays = {name: getattr(pairs, name) for name in _ARRAYS}
+        for name, values in arrays.items():
+            np.save(building / f"{name}.npy", values)
+        manifest = {"made_by": made_by, "own_hits": pairs.own_hits}
+        write_json(
+            building / "manifest.json", {**manifest, "hash": _content_hash(manifest, arrays)}
+        )
+        try:
+            building.rename(place)
+        except OSError:
+            # Another process was faster; its pairs are the same.
+            if not (place / "manifest.json").is_file():
+                raise
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+    return _open(place, made_by, settings, search)
+
+
+class _Matching:
+    """The search for all windows."""
+
+    def __init__(
+        self,
+        tracks: Sequence[Track],
+        search: MatchingSearch,
+        settings: PairSettings,
+        seed: int,
+        speakers: Sequence[str] | None,
+        chunk: int,
+    ) -> None:
+        self.tracks, self.search, self.settings = tracks, search, settings
+        self.seed, self.chunk = seed, chunk
+        self.windows = cut_windows(tracks, settings)
+        draws = np.random.default_rng([seed, 0])
+        first = draws.random(len(self.windows)) < settings.first_share
+        others = draws.integers(2, settings.largest_k + 1, len(self.windows))
+        first |= settings.first_only
+        self.ks = np.where(first, 1, others).astype(np.int32)
+        self._searchable: NDArray[np.bool_] = np.logical_or.reduce(search.eligible(), axis=1)
+        self._others = [_others(search.database, name) for name in speakers or ()]
+
+    def pairs(self) -> Pairs:
+        everyone = np.arange(len(self.windows))
+        closing = self.settings.closed_frames is not None
+        bar = progress_bar(everyone.tolist(), len(everyone), "matching motion to windows")
+        pointers = self._pointers(bar, closing, self.seed)
+        own_hits = None
+        if closing:
+            draws = np.random.default_rng([self.seed, 1])
+            count = min(MEASURED_WINDOWS, len(everyone))
+            own_hits = self._own_hits(np.sort(draws.choice(everyone, count, replace=False)))
+            logger.info(
+                "%d pairs; with nothing closed, %.1f %% of the matches would be within %s frames"
+                " of their own window",
+                len(everyone),
+                100 * own_hits,
+                self.settings.closed_frames,
+            )
+        return Pairs(self.settings, self.windows, self.ks, pointers, own_hits)
+
+    def _own_hits(self, windows: NDArray[np.int64]) -> float:
+        bar = progress_bar(windows.tolist(), len(windows), "the same with nothing closed")
+        found = self._pointers(bar, False, self.seed + 1)[..., 0]
+        own = [
+            np.isin(sequences, self._own(window))
+            for window, sequences in zip(windows, found, strict=True)
+        ]
+        return float(np.mean(own))
+
+    def _pointers(self, windows: Iterable[int], closing: bool, seed: int) -> NDArray[np.int32]:
+        # One generator for all: a window's draw depends on its place, not on the chunk.
+        generator = torch.Generator().manual_seed(seed)
+        matched = [
+            np.stack([found.sequences, found.frames], axis=1)
+            for chunk in _chunks(windows, self.chunk)
+            for found in match_together(
+                self.search,
+                [self._clip(window, closing) for window in chunk],
+                generator,
+                self.settings.natural_continuation,
+            )
+        ]
+        return np.stack(matched).astype(np.int32)
+
+    def _clip(self, window: int, closing: bool) -> Clip:
+        track, first = self.windows[window]
+        closed = self._closed(window, closing)
+        audio = heard(self.tracks[track], int(first), self.settings.frames, self.search.database)
+        k, mean_pose = int(self.ks[window]), self.settings.from_mean_pose
+        return Clip(audio, k=k, closed=closed, from_mean_pose=mean_pose)
+
+    def _closed(self, window: int, closing: bool) -> list[int]:
+        track = self.windows[window][0]
+        shut = np.zeros(len(self._searchable), dtype=np.bool_)
+        if self._others:
+            shut |= self._others[track]
+        if closing:
+            shut[self._own(window)] = True
+        if not (self._searchable & ~shut).any():
+            raise CospeechError(
+                "a window's own recording is all that the database holds for it",
+                "use more or longer recordings, model.same_speaker=false, or"
+                " model.exclude_own=false",
+            )
+        return [int(sequence) for sequence in np.flatnonzero(shut)]
+
+    def _own(self, window: int) -> NDArray[np.int64]:
+        """The sequences around a window in its own recording."""
+        track, first = self.windows[window]
+        spec = self.search.database.spec
+        return neighbours(
+            self.search.database,
+            self.tracks[track].span.recording,
+            self.tracks[track].start_s + first / spec.fps,
+            self.settings.frames,
+            self.settings.closed_frames or 0,
+        )
+
+
+def _others(database: MatchingDatabase, speaker: str) -> NDArray[np.bool_]:
+    """``(M,)`` the sequences of other speakers; none where the speaker has none."""
+    own = database.spoken_by(speaker)
+    return ~own if own.any() else np.zeros_like(own)
+
+
+def cut_windows(tracks: Sequence[Track], settings: PairSettings) -> NDArray[np.int32]:
+    """``(P, 2)``: track and first frame of every window; none crosses the end of a track.
+
+    Raises:
+        CospeechError: No track is as long as a window.
+    """
+    last = [len(track.poses) - settings.frames for track in tracks]
+    windows = [(i, f) for i, stop in enumerate(last) for f in range(0, stop + 1, settings.stride)]
+    if not windows:
+        raise CospeechError(
+            f"no recording is as long as a window of {settings.frames} frames",
+            "use longer recordings, or raise the split's share",
+        )
+    return np.array(windows, dtype=np.int32)
+
+
+def heard(track: Track, first: int, frames: int, database: MatchingDatabase) -> NDArray[np.float32]:
+    """Normalised audio features of a window, as a synthesis has them.
+
+    With ``spec.true_future`` a window hears what comes after it, like a window in the middle of a
+    speech; at the track's end the last frame stays. Otherwise there are zeros, as published.
+
+    Args:
+        track: Where it is.
+        first: Its first frame.
+        frames: Its length.
+        database: Which features, and their normalisation.
+
+    Returns:
+        ``(frames, Da)``.
+    """
+    spec = database.spec
+    ahead = spec.reach(spec.audio_taps) if spec.true_future else 0
+    channels = track.audio[first : first + frames + ahead]
+    channels = np.pad(channels, ((0, frames + ahead - len(channels)), (0, 0)), mode="edge")
+    features = stack_taps(channels, spec.audio_taps, spec.tap_spacing)[:frames]
+    return database.audio_normalisation(features)
+
+
+def neighbours(
+    database: MatchingDatabase, recording: int, start_s: float, frames: int, reach: int
+) -> NDArray[np.int64]:
+    """Sequences of a recording that have a frame at most ``reach`` frames away from a window.
+
+    Args:
+        database: Where they are.
+        recording: The window's.
+        start_s: Of its first frame, s.
+        frames: Its length.
+        reach: Frames from its ends; 0 for the sequences that it overlaps.
+
+    Returns:
+        Their indices.
+    """
+    fps, length = database.spec.fps, database.usable.shape[1]
+    away = (database.starts_s - start_s) * fps
+    # Half a frame apart is the rounding of times, not a frame in between.
+    near = (-reach - length + 0.5 < away) & (away < frames + reach - 0.5)
+    return np.flatnonzero(np.logical_and(near, database.recordings == recording))
+
+
+def _made_by(
+    tracks: Sequence[Track],
+    search: MatchingSearch,
+    settings: PairSettings,
+    seed: int,
+    speakers: Sequence[str] | None,
+) -> dict[str, Any]:
+    return {
+        "version": VERSION,
+        "settings": asdict(settings),
+        "seed": seed,
+        "speakers": None if speakers is None else list(speakers),
+        "database": search.database.hash,
+        "search": [search.step, search.preselect, search.start_offset],
+        "tracks": [[t.span.recording, round(t.start_s, 6), len(t.poses)] for t in tracks],
+    }
+
+
+def _open(
+    folder: Path, made_by: dict[str, Any], settings: PairSettings, search: MatchingSearch
+) -> Pairs:
+    """Open pairs by memory map; every byte is read and compared with the hash.
+
+    Raises:
+        InputFileError: Not what was asked for, or damaged.
+    """
+    path = folder / "manifest.json"
+    try:
+        manifest = json.loads(path.read_text())
+        arrays = {
+            name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
+            for name in _ARRAYS
+        }
+    except (OSError, ValueError, EOFError) as error:
+        raise InputFileError(folder, f"damaged: {error}", hint=_REBUILD) from None
+    if not isinstance(manifest, dict) or manifest.get("made_by") != made_by:
+        raise InputFileError(path, "made by something else", hint=_REBUILD)
+    told = {name: value for name, value in manifest.items() if name != "hash"}
+    if _content_hash(told, arrays) != manifest.get("hash"):
+        raise InputFileError(folder, "damaged: its content isn't what was written", hint=_REBUILD)
+    return Pairs(settings, **arrays, own_hits=manifest["own_hits"])
+
+
+def _content_hash(manifest: dict[str, Any], arrays: dict[str, NDArray[np.int32]]) -> str:
+    digest = hashlib.sha256(json.dumps(manifest, sort_keys=True).encode())
+    for name in _ARRAYS:
+        digest.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()
+
+
+def _chunks(items: Iterable[Item], size: int) -> Iterator[list[Item]]:
+    iterator = iter(items)
+    while chunk := list(islice(iterator, size)):
+        yield chunk
