@@ -120,7 +120,7 @@ class MotionMatcher:
             CospeechError: The waveform holds NaN, or a step's controls leave no window and are
                 said to be an error then.
         """
-        queries = self._heard(speech.waveform)
+        queries = self._heard(speech.waveform, self.frames_of(speech.waveform))
         plan = None
         if controls is not None:
             steps = -(-len(queries) // self.settings.step_frames)
@@ -131,12 +131,23 @@ class MotionMatcher:
     def together(
         self,
         waveforms: Sequence[NDArray[np.float32]],
+        frames: int,
         closed: Sequence[NDArray[np.int64] | None],
         generator: torch.Generator | None = None,
     ) -> list[Matched]:
-        """Motion for several waveforms at once, uncontrolled, seams as the settings say."""
+        """Motion for several waveforms at once, uncontrolled.
+
+        Args:
+            waveforms: 16 kHz.
+            frames: Frames of motion for each.
+            closed: For each, sequences that aren't used.
+            generator: Draws the first poses.
+
+        Returns:
+            For each what was matched; the poses are blended as the settings say.
+        """
         clips = [
-            self._clip(self._heard(wave), None, shut)
+            self._clip(self._heard(wave, frames), None, shut)
             for wave, shut in zip(waveforms, closed, strict=True)
         ]
         found = self._match(clips, generator)
@@ -145,10 +156,12 @@ class MotionMatcher:
             for one in found
         ]
 
-    def _heard(self, waveform: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _heard(self, waveform: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
         if not np.isfinite(waveform).all():
             raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
-        return self.database.audio_queries(waveform, self.frames_of(waveform))
+        if not frames:
+            return np.zeros((0, self.database.audio_features.shape[2]), dtype=np.float32)
+        return self.database.audio_queries(waveform, frames)
 
     def _clip(
         self,

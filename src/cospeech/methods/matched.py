@@ -79,17 +79,15 @@ class MatchedMethod(GestureMethod):
         """
         if self._matcher is None:
             database = self._open()
-            found = torch.frombuffer(bytearray.fromhex(database.hash), dtype=torch.uint8)
-            known = self.database_hash.cpu()
-            if known.any() and not torch.equal(known, found):
+            known = bytes(self.database_hash.tolist()).hex()
+            if self.database_hash.any() and known != database.hash:
                 raise CospeechError(
-                    f"this checkpoint was made with matching database"
-                    f" {bytes(known.tolist()).hex()[:12]}, and the corpus's is"
+                    f"this checkpoint was made with matching database {known[:12]}, and the"
+                    f" corpus's is"
                     f" {database.hash[:12]}",
                     "put the corpus's files back as they were, or name the folder of the old"
                     " database: load_from_checkpoint(path, database=DIR)",
                 )
-            self.database_hash.copy_(found)
             self._matcher = MotionMatcher(database, self.matching)
         return self._matcher
 
@@ -118,8 +116,9 @@ class MatchedMethod(GestureMethod):
         return fit_database(store, self.spec)
 
     def on_fit_start(self) -> None:
-        """Fit or open the database before the first step."""
-        self.matcher  # noqa: B018
+        """Fit or open the database before the first step, and keep its hash."""
+        hashed = bytearray.fromhex(self.database.hash)
+        self.database_hash.copy_(torch.frombuffer(hashed, dtype=torch.uint8))
 
     # Motion --------------------------------------------------------------------------------
 
@@ -175,7 +174,7 @@ class MatchedMethod(GestureMethod):
             for number in batch.require("speakers").tolist()
         ]
         closed = [self.chosen_sequences(name, generator) for name in names]
-        found = self.matcher.together(waveforms, closed, generator)
+        found = self.matcher.together(waveforms, self.window.frames, closed, generator)
         poses = torch.from_numpy(np.stack([matched.poses for matched in found]))
         return self._refined(poses.to(self.device), batch)
 

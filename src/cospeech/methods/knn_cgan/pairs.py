@@ -16,11 +16,10 @@ import json
 import logging
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -30,7 +29,7 @@ from cospeech.corpus.build_folder import write_json
 from cospeech.errors import ConfigError, CospeechError, InputFileError
 from cospeech.matching.database import MatchingDatabase
 from cospeech.matching.features import stack_taps
-from cospeech.matching.matching import Clip, match_together
+from cospeech.matching.matching import Clip, Matched, match_together
 from cospeech.matching.search import MatchingSearch
 from cospeech.matching.tracks import Track
 from cospeech.progress import progress_bar
@@ -44,8 +43,6 @@ MEASURED_WINDOWS = 1000
 _ARRAYS = ("windows", "ks", "pointers")
 _CHUNK = 512
 _REBUILD = "delete the folder and make the pairs again"
-
-Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -124,7 +121,7 @@ def make_pairs(
     """Match motion to every window of some tracks, or open what was matched before.
 
     The result depends on the seed, not on the chunk. A killed run leaves nothing behind that looks
-    like pairs, and damaged ones are made again.
+    like pairs, and damaged ones are made again. A window to which everything is closed is left out.
 
     Args:
         tracks: Of one split, at the database's rate.
@@ -137,7 +134,7 @@ def make_pairs(
         chunk: Windows that are searched together.
 
     Raises:
-        CospeechError: No track is as long as a window, or closing leaves a window nothing.
+        CospeechError: No track is as long as a window, or everything is closed to every window.
     """
     made_by = _made_by(tracks, search, settings, seed, speakers)
     digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode()).hexdigest()
@@ -196,69 +193,86 @@ class _Matching:
         self._others = [_others(search.database, name) for name in speakers or ()]
 
     def pairs(self) -> Pairs:
-        everyone = np.arange(len(self.windows))
-        closing = self.settings.closed_frames is not None
-        bar = progress_bar(everyone.tolist(), len(everyone), "matching motion to windows")
-        pointers = self._pointers(bar, closing, self.seed)
+        kept = self._with_a_choice()
+        pointers = self._pointers(kept, "matching motion to windows", True, self.seed)
         own_hits = None
-        if closing:
-            draws = np.random.default_rng([self.seed, 1])
-            count = min(MEASURED_WINDOWS, len(everyone))
-            own_hits = self._own_hits(np.sort(draws.choice(everyone, count, replace=False)))
+        if self.settings.closed_frames is not None:
+            own_hits = self._own_hits(kept)
             logger.info(
                 "%d pairs; with nothing closed, %.1f %% of the matches would be within %s frames"
                 " of their own window",
-                len(everyone),
+                len(kept),
                 100 * own_hits,
                 self.settings.closed_frames,
             )
-        return Pairs(self.settings, self.windows, self.ks, pointers, own_hits)
+        return Pairs(self.settings, self.windows[kept], self.ks[kept], pointers, own_hits)
 
-    def _own_hits(self, windows: NDArray[np.int64]) -> float:
-        bar = progress_bar(windows.tolist(), len(windows), "the same with nothing closed")
-        found = self._pointers(bar, False, self.seed + 1)[..., 0]
-        own = [
-            np.isin(sequences, self._own(window))
-            for window, sequences in zip(windows, found, strict=True)
+    def _with_a_choice(self) -> NDArray[np.int64]:
+        """The windows to which not everything is closed."""
+        open_to = [
+            bool((self._searchable & ~self._shut(window, True)).any())
+            for window in range(len(self.windows))
         ]
-        return float(np.mean(own))
-
-    def _pointers(self, windows: Iterable[int], closing: bool, seed: int) -> NDArray[np.int32]:
-        # One generator for all: a window's draw depends on its place, not on the chunk.
-        generator = torch.Generator().manual_seed(seed)
-        matched = [
-            np.stack([found.sequences, found.frames], axis=1)
-            for chunk in _chunks(windows, self.chunk)
-            for found in match_together(
-                self.search,
-                [self._clip(window, closing) for window in chunk],
-                generator,
-                self.settings.natural_continuation,
-            )
-        ]
-        return np.stack(matched).astype(np.int32)
-
-    def _clip(self, window: int, closing: bool) -> Clip:
-        track, first = self.windows[window]
-        closed = self._closed(window, closing)
-        audio = heard(self.tracks[track], int(first), self.settings.frames, self.search.database)
-        k, mean_pose = int(self.ks[window]), self.settings.from_mean_pose
-        return Clip(audio, k=k, closed=closed, from_mean_pose=mean_pose)
-
-    def _closed(self, window: int, closing: bool) -> list[int]:
-        track = self.windows[window][0]
-        shut = np.zeros(len(self._searchable), dtype=np.bool_)
-        if self._others:
-            shut |= self._others[track]
-        if closing:
-            shut[self._own(window)] = True
-        if not (self._searchable & ~shut).any():
+        if not any(open_to):
             raise CospeechError(
                 "a window's own recording is all that the database holds for it",
                 "use more or longer recordings, model.same_speaker=false, or"
                 " model.exclude_own=false",
             )
-        return [int(sequence) for sequence in np.flatnonzero(shut)]
+        if left_out := open_to.count(False):
+            logger.warning(
+                "%d of %d windows are left out: their own recording is all that the database holds"
+                " for them (more recordings, model.same_speaker=false or model.exclude_own=false"
+                " would help)",
+                left_out,
+                len(open_to),
+            )
+        return np.flatnonzero(np.array(open_to))
+
+    def _own_hits(self, windows: NDArray[np.int64]) -> float:
+        draws = np.random.default_rng([self.seed, 1])
+        count = min(MEASURED_WINDOWS, len(windows))
+        sample = np.sort(draws.choice(windows, count, replace=False))
+        found = self._pointers(sample, "the same with nothing closed", False, self.seed + 1)
+        own = [
+            np.isin(pointers[:, 0], self._own(window))
+            for window, pointers in zip(sample, found, strict=True)
+        ]
+        return float(np.mean(own))
+
+    def _pointers(
+        self, windows: NDArray[np.int64], title: str, closing: bool, seed: int
+    ) -> NDArray[np.int32]:
+        matched = progress_bar(self._matched(windows, closing, seed), len(windows), title)
+        pointers = [np.stack([found.sequences, found.frames], axis=1) for found in matched]
+        return np.stack(pointers).astype(np.int32)
+
+    def _matched(self, windows: NDArray[np.int64], closing: bool, seed: int) -> Iterator[Matched]:
+        # One generator for all: a window's draw depends on its place, not on the chunk.
+        generator = torch.Generator().manual_seed(seed)
+        for first in range(0, len(windows), self.chunk):
+            clips = [self._clip(window, closing) for window in windows[first : first + self.chunk]]
+            yield from match_together(
+                self.search, clips, generator, self.settings.natural_continuation
+            )
+
+    def _clip(self, window: int, closing: bool) -> Clip:
+        track, first = self.windows[window]
+        return Clip(
+            heard(self.tracks[track], int(first), self.settings.frames, self.search.database),
+            k=int(self.ks[window]),
+            closed=np.flatnonzero(self._shut(window, closing)).tolist(),
+            from_mean_pose=self.settings.from_mean_pose,
+        )
+
+    def _shut(self, window: int, closing: bool) -> NDArray[np.bool_]:
+        """``(M,)``: the sequences of other speakers and, with ``closing``, a window's own."""
+        shut = np.zeros(len(self._searchable), dtype=np.bool_)
+        if self._others:
+            shut |= self._others[self.windows[window][0]]
+        if closing and self.settings.closed_frames is not None:
+            shut[self._own(window)] = True
+        return shut
 
     def _own(self, window: int) -> NDArray[np.int64]:
         """The sequences around a window in its own recording."""
@@ -389,9 +403,3 @@ def _content_hash(manifest: dict[str, Any], arrays: dict[str, NDArray[np.int32]]
         digest.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
         digest.update(np.ascontiguousarray(arrays[name]).tobytes())
     return digest.hexdigest()
-
-
-def _chunks(items: Iterable[Item], size: int) -> Iterator[list[Item]]:
-    iterator = iter(items)
-    while chunk := list(islice(iterator, size)):
-        yield chunk
