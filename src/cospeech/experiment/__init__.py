@@ -3,6 +3,7 @@
 from cospeech.experiment.command_line import command_line
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
 from cospeech.experiment.folders import run_folder, run_identity
+from cospeech.experiment.generating import generate
 from cospeech.experiment.judging import evaluate, prepare
 from cospeech.experiment.training import run
 
@@ -12,6 +13,7 @@ __all__ = [
     "RunResult",
     "command_line",
     "evaluate",
+    "generate",
     "prepare",
     "run",
     "run_folder",

@@ -13,6 +13,7 @@ from cospeech.matching.control.schedule import (
     KeywordControl,
     SpanControl,
     read_controls,
+    read_values,
 )
 from cospeech.matching.control.words import WordPattern
 
@@ -32,4 +33,5 @@ __all__ = [
     "parse_criterion",
     "plan_controls",
     "read_controls",
+    "read_values",
 ]

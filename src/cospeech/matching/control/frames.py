@@ -147,6 +147,10 @@ class DatabaseFrames:
             found[name] = np.concatenate(parts)
         return found[name]
 
+    def quantity_percentile(self, name: str, percent: float) -> np.float64:
+        """What ``pNN`` means beside a quantity."""
+        return self.percentile(lambda frames: frames.quantity(name), name, percent)
+
     def percentile(self, of: Number, key: str, percent: float) -> np.float64:
         """A percentile over the frames on which windows may start."""
         found = self._known.percentiles

@@ -120,8 +120,21 @@ def read_controls(path: str | Path) -> Controls:
     """Read a schedule from a yaml or JSON file.
 
     Raises:
-        InputFileError: It can't be read, or is neither plain yaml nor JSON.
+        InputFileError: It can't be read, or is neither yaml nor JSON.
         ConfigError: Something in it isn't understood; the message names file and entry.
+    """
+    values = read_values(path)
+    try:
+        return Controls.from_dict(values)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error.problem}", error.hint) from None
+
+
+def read_values(path: str | Path) -> dict[str, Any] | list[Any] | str:
+    """What a yaml or JSON file of controls holds, as `Controls.from_dict` takes it.
+
+    Raises:
+        InputFileError: It can't be read, or is neither yaml nor JSON.
     """
     path = Path(path)
     try:
@@ -145,10 +158,7 @@ def read_controls(path: str | Path) -> Controls:
         raise InputFileError(path, "is empty", hint=_EXAMPLES)
     if not isinstance(values, (dict, list, str)):
         raise InputFileError(path, "holds no list of controls", hint=_EXAMPLES)
-    try:
-        return Controls.from_dict(values)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error.problem}", error.hint) from None
+    return values
 
 
 _OPENING = (
