@@ -22,11 +22,10 @@ from cospeech.corpus.reading import packed_sources, sensible_workers
 from cospeech.corpus.source import Dropped, Source
 from cospeech.corpus.split_facts import split_anew
 from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordings, time_blocks
-from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.window_loader import WindowLoader, WindowReader, open_windows
-from cospeech.corpus.windows import NO_UPPER_BODY_HINT, WindowDataset
+from cospeech.corpus.window_loader import ServesWindows, WindowLoader, WindowReader, open_windows
+from cospeech.corpus.windows import NO_UPPER_BODY_HINT
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.joint_map import JointMap
 from cospeech.progress import progress_bar
@@ -87,7 +86,7 @@ class StoreDataModule(LightningDataModule):
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._reader: WindowReader | None = None
-        self._datasets: dict[str, WindowDataset | StepWindows] = {}
+        self._datasets: dict[str, ServesWindows] = {}
 
     @property
     @abstractmethod
@@ -269,7 +268,7 @@ class StoreDataModule(LightningDataModule):
         """Batch fields that the attached method reads."""
         return frozenset() if self._reader is None else self._reader.needs
 
-    def dataset(self, split: str) -> WindowDataset | StepWindows:
+    def dataset(self, split: str) -> ServesWindows:
         """The fixed windows of one split for the attached method, made once."""
         if self._reader is None:
             raise RuntimeError("call attach(method) before asking for windows")

@@ -110,3 +110,25 @@ def test_no_speech_gives_no_motion():
         2,
         3,
     )
+
+
+def test_a_single_window_that_it_stands_on_is_used_again():
+    database = make_database(4)
+    mask = np.zeros((4, 64), dtype=bool)
+    mask[2, 10] = mask[2, 17] = True
+    for seed in range(20):
+        matched = match(MatchingSearch(database), Clip(speech(40), mask), seeded(seed))
+        assert set(matched.sequences) == {2}
+        assert set(matched.frames) == {10}
+
+
+def test_first_poses_are_drawn_where_they_may_be():
+    database = make_database(200)
+    mask = np.zeros((200, 64), dtype=bool)
+    mask[[7, 90]] = True
+    search = MatchingSearch(database)
+    first = [
+        match(search, Clip(speech(8), mask, closed=np.array([90])), seeded(seed)).sequences[0]
+        for seed in range(5)
+    ]
+    assert first == [7] * 5

@@ -148,7 +148,7 @@ class StepWindows:
             frames = evaluation_frames(spec)
             positions = np.stack(
                 [
-                    _upper_body_from(self.store, int(recording), start, frames)
+                    upper_body_from(self.store, int(recording), start, frames)
                     for recording, start in zip(recordings, starts, strict=True)
                 ]
             )
@@ -245,7 +245,7 @@ def _with_phases(store: Store, split: str, spans: Sequence[Span]) -> list[Span]:
     return annotated
 
 
-def _upper_body_from(
+def upper_body_from(
     store: Store, recording: int, start_s: float, frames: int
 ) -> NDArray[np.float32]:
     """The upper body from any time on; between two stored frames by linear interpolation."""

@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
-from typing import Protocol
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.step_windows import StepWindows, split_windows
+from cospeech.corpus.step_windows import split_windows
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError
 
 logger = logging.getLogger(__name__)
+
+
+class ServesWindows(Protocol):
+    """The fixed windows of one split."""
+
+    spec: WindowSpec
+    split: str
+
+    def __len__(self) -> int:
+        """How many items there are."""
+
+    def batch(self, indices: Sequence[int] | NDArray[np.int64]) -> GestureBatch:
+        """The items at ``indices`` as one batch."""
+
+    def describe(self, window: int) -> dict[str, Any]:
+        """Recording and start time of a window."""
 
 
 class EpochOrder:
@@ -91,7 +107,7 @@ class WindowLoader:
 
     def __init__(
         self,
-        dataset: WindowDataset | StepWindows,
+        dataset: ServesWindows,
         batch_size: int,
         seed: int,
         shuffle: bool,
@@ -146,7 +162,7 @@ class WindowReader(Protocol):
     needs: frozenset[str]
 
 
-def open_windows(store: Store, split: str, reader: WindowReader) -> WindowDataset | StepWindows:
+def open_windows(store: Store, split: str, reader: WindowReader) -> ServesWindows:
     """The windows of one split that a method works on.
 
     A method of another rate than the evaluation's gets windows of the gesturing joints at its own:
@@ -157,7 +173,7 @@ def open_windows(store: Store, split: str, reader: WindowReader) -> WindowDatase
         split: ``"train"``, ``"val"`` or ``"test"``.
         reader: The method.
     """
-    own: Callable[[Store, str], StepWindows] | None = getattr(reader, "windows", None)
+    own: Callable[[Store, str], ServesWindows] | None = getattr(reader, "windows", None)
     if own is not None:
         return own(store, split)
     spec = reader.window

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -84,12 +85,48 @@ def evaluate(cfg: DictConfig) -> Any:
         )
     if "runs" in cfg:
         return compare_runs(cfg, folder)
-    if cfg.run is None:
-        data = build(cfg.data)
-        store = data.prepare_store()
-        encoder = chosen_encoder(store, cfg.metrics)
-        study = build(cfg.study_task)
-        return study(store=store, encoder=encoder, split=cfg.split, folder=folder)
+    if OmegaConf.select(cfg, "study_task") is not None:
+        return _study(cfg, folder)
+    values, store, model = _finished(cfg)
+    given = any(item.startswith("metrics") for item in HydraConfig.get().overrides.task)
+    metrics = cfg.metrics if given else OmegaConf.create(values["config"]["metrics"])
+    encoder = chosen_encoder(store, metrics)
+    values["encoder"] = {"sha256": encoder.sha256, "name": str(metrics.encoder)}
+    values["final"] = {
+        "split": cfg.split,
+        "recordings": evaluate_recordings(model, store, cfg.split, encoder),
+    }
+    values["references"] = reference_rows(store, encoder, cfg.split, metrics.reference_seed)
+    print(result_table(values))
+    write_json(folder / "evaluation.json", {k: values[k] for k in _EVALUATION_KEYS})
+    return values["final"]
+
+
+def _study(cfg: DictConfig, folder: Path) -> Any:
+    """A study of a corpus, or of a run where it names one; it is given what it has parameters for.
+
+    Raises:
+        ConfigError: The study is of a run, and none is given.
+    """
+    study = build(cfg.study_task)
+    wanted = inspect.signature(study).parameters
+    given: dict[str, Any] = {"split": cfg.split, "folder": folder}
+    if "method" in wanted:
+        if cfg.run is None:
+            raise ConfigError(
+                "this study is of a finished run", "add run=outputs/runs/ID to the command"
+            )
+        values, given["store"], given["method"] = _finished(cfg)
+        given["about"] = [("run", values["id"])]
+    else:
+        given["store"] = build(cfg.data).prepare_store()
+    if "encoder" in wanted:
+        given["encoder"] = chosen_encoder(given["store"], cfg.metrics)
+    return study(**given)
+
+
+def _finished(cfg: DictConfig) -> tuple[dict[str, Any], Store, GestureMethod]:
+    """Record, corpus and trained method of ``cfg.run``."""
     values = read_record(Path(cfg.run) / "record.json")
     checkpoint = Path(cfg.run) / "checkpoints" / "best.ckpt"
     if not values or not checkpoint.is_file():
@@ -103,18 +140,7 @@ def evaluate(cfg: DictConfig) -> Any:
     if not isinstance(model, GestureMethod):
         raise ConfigError(f"run={cfg.run}: a {values['model']} makes no motion to judge")
     load_weights(model, checkpoint)
-    given = any(item.startswith("metrics") for item in HydraConfig.get().overrides.task)
-    metrics = cfg.metrics if given else OmegaConf.create(values["config"]["metrics"])
-    encoder = chosen_encoder(store, metrics)
-    values["encoder"] = {"sha256": encoder.sha256, "name": str(metrics.encoder)}
-    values["final"] = {
-        "split": cfg.split,
-        "recordings": evaluate_recordings(model, store, cfg.split, encoder),
-    }
-    values["references"] = reference_rows(store, encoder, cfg.split, metrics.reference_seed)
-    print(result_table(values))
-    write_json(folder / "evaluation.json", {k: values[k] for k in _EVALUATION_KEYS})
-    return values["final"]
+    return values, store, model.eval()
 
 
 _EVALUATION_KEYS = ("id", "model", "data", "ablation", "seed", "encoder", "final", "references")

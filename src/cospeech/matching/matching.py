@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from cospeech.errors import CospeechError
 from cospeech.matching.search import MatchingSearch, Query
 
+_DRAWS = 64
+"""Tries to draw a first pose among all frames before those that may be used are listed."""
+
 
 @dataclass(frozen=True, eq=False)
 class Clip:
@@ -30,7 +33,7 @@ class Clip:
     audio: NDArray[np.float32]
     masks: NDArray[np.bool_] | Sequence[NDArray[np.bool_] | None] | None = None
     k: int = 1
-    closed: Sequence[int] = ()
+    closed: Sequence[int] | NDArray[np.int64] = ()
     from_mean_pose: bool = False
 
     def mask(self, step: int) -> NDArray[np.bool_] | None:
@@ -115,6 +118,9 @@ def match_together(
                 )
             )
         for i, query, found in zip(going, queries, search.answer(queries), strict=True):
+            if found.sequence < 0 and query.standing_on is not None:
+                # The window that it stands on is all that its controls leave.
+                found = search(query._replace(standing_on=None))
             if found.sequence < 0:
                 raise CospeechError(
                     f"no window of the database may be used at step {number}"
@@ -135,18 +141,25 @@ def _first_pose(
     """The frame that a clip begins from; None for the mean pose."""
     if clip.from_mean_pose:
         return None
-    open_frames = np.array(search.database.usable)
+    usable = search.database.usable
     mask = clip.mask(0) if len(clip.audio) else None
-    if mask is not None:
-        open_frames &= mask
-    open_frames[list(clip.closed)] = False
-    places = np.flatnonzero(open_frames)
+    open_sequences = np.ones(len(usable), dtype=np.bool_)
+    open_sequences[np.asarray(clip.closed, dtype=np.int64)] = False
+    for _ in range(_DRAWS):
+        place = int(torch.randint(usable.size, (), generator=generator))
+        sequence, frame = divmod(place, usable.shape[1])
+        held = mask is None or mask[sequence, frame]
+        if held and usable[sequence, frame] and open_sequences[sequence]:
+            return sequence, frame
+    # So few are open that drawing doesn't find them.
+    open_frames = usable & open_sequences[:, None]
+    places = np.flatnonzero(open_frames if mask is None else open_frames & mask)
     if len(places) == 0:
         raise CospeechError(
             "no frame of the database may be the first pose", "loosen the first step's controls"
         )
     drawn = int(torch.randint(len(places), (), generator=generator))
-    sequence, frame = divmod(int(places[drawn]), open_frames.shape[1])
+    sequence, frame = divmod(int(places[drawn]), usable.shape[1])
     return sequence, frame
 
 

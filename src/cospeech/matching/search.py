@@ -63,7 +63,7 @@ class Query(NamedTuple):
     k: int = 1
     mask: NDArray[np.bool_] | None = None
     standing_on: tuple[int, int] | None = None
-    closed: Sequence[int] = ()
+    closed: Sequence[int] | NDArray[np.int64] = ()
     goes_on: tuple[int, int] | None = None
 
 
@@ -149,7 +149,7 @@ class MatchingSearch:
         masks, which = self._masks([query.mask for query in queries])
         closed = np.zeros((asked, count), dtype=np.bool_)
         for i, query in enumerate(queries):
-            closed[i, list(query.closed)] = True
+            closed[i, np.asarray(query.closed, dtype=np.int64)] = True
         hidden = np.array([query.standing_on or (-1, -1) for query in queries], dtype=np.int64)
         only = np.array([query.goes_on or (-1, -1) for query in queries], dtype=np.int64)
         frames = np.empty((asked, count), dtype=np.int16)

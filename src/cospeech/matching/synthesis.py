@@ -171,7 +171,7 @@ class MotionMatcher:
     ) -> Clip:
         settings = self.settings
         masks = None if plan is None else plan.masks
-        shut = () if closed is None else tuple(int(sequence) for sequence in closed)
+        shut = () if closed is None else np.asarray(closed, dtype=np.int64)
         return Clip(queries, masks, settings.k, shut, settings.mean_pose)
 
     def _match(self, clips: Sequence[Clip], generator: torch.Generator | None) -> list[Matched]:

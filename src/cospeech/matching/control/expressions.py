@@ -37,7 +37,7 @@ class Frames(Protocol):
         """A quantity of every frame."""
 
     def percentile(self, of: Number, key: str, percent: float) -> np.float64:
-        """A percentile of a number over the database; ``key`` is what the number is called."""
+        """A percentile of a number over a database; ``key`` is what the number is called."""
 
     def phases(self) -> NDArray[np.int8]:
         """Index into `PHASES` of every frame, -1 where unknown."""

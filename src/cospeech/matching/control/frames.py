@@ -21,8 +21,15 @@ MASKS_KEPT = 64
 _SEQUENCES_AT_ONCE = 512
 
 
+Closed = Sequence[int] | NDArray[np.integer] | None
+"""Sequences of a database that aren't used."""
+
+
 def database_mask(
-    criterion: Criterion, database: MatchingDatabase, step: int = STEP_FRAMES
+    criterion: Criterion,
+    database: MatchingDatabase,
+    step: int = STEP_FRAMES,
+    closed: Closed = None,
 ) -> Mask:
     """Where a criterion holds in a database; asked again, the same array.
 
@@ -35,6 +42,7 @@ def database_mask(
         criterion: What is asked.
         database: Of what.
         step: Frames of a window.
+        closed: Sequences that don't count in percentiles.
 
     Returns:
         ``(M, T)``, not to be written to.
@@ -42,15 +50,14 @@ def database_mask(
     Raises:
         ConfigError: The database lacks the joints, transcripts or phases.
     """
-    known = _known(database)
-    key = criterion.text, step
+    frames = DatabaseFrames(database, step, closed)
 
     def ask() -> Mask:
-        mask = criterion(DatabaseFrames(database, step))
+        mask = criterion(frames)
         mask.flags.writeable = False
         return mask
 
-    return known.mask(key, ask)
+    return _known(database).mask((criterion.text, step, frames.key), ask)
 
 
 def motion_mask(
@@ -59,6 +66,7 @@ def motion_mask(
     roles: Sequence[str],
     fps: float,
     database: MatchingDatabase,
+    closed: Closed = None,
 ) -> Mask:
     """Where a criterion holds in motion; percentiles are those of the database.
 
@@ -68,6 +76,7 @@ def motion_mask(
         roles: What the J joints are.
         fps: Frames per second.
         database: Whose percentiles are meant.
+        closed: Sequences that don't count in them.
 
     Returns:
         ``(..., T)``.
@@ -76,7 +85,7 @@ def motion_mask(
         ConfigError: It asks for words or phases, which generated motion doesn't have, or the motion
             lacks a joint.
     """
-    return criterion(_MotionFrames(positions, roles, fps, DatabaseFrames(database)))
+    return criterion(_MotionFrames(positions, roles, fps, DatabaseFrames(database, closed=closed)))
 
 
 @dataclass(eq=False)
@@ -84,7 +93,7 @@ class _Known:
     """What was computed of one database before."""
 
     quantities: dict[str, Values] = field(default_factory=dict)
-    percentiles: dict[tuple[str, float], np.float64] = field(default_factory=dict)
+    percentiles: dict[tuple[str, float, bytes], np.float64] = field(default_factory=dict)
     masks: OrderedDict[object, Mask] = field(default_factory=OrderedDict)
 
     def mask(self, key: object, ask: Callable[[], Mask]) -> Mask:
@@ -129,11 +138,21 @@ class DatabaseFrames:
     Args:
         database: The database.
         step: Frames of a window.
+        closed: Sequences that don't count in percentiles: those that the search won't use.
+
+    Attributes:
+        key: Equal for the same closed sequences.
     """
 
-    def __init__(self, database: MatchingDatabase, step: int = STEP_FRAMES) -> None:
+    def __init__(
+        self, database: MatchingDatabase, step: int = STEP_FRAMES, closed: Closed = None
+    ) -> None:
         self.database, self.step = database, step
         self._known = _known(database)
+        self._open = np.ones(len(database), dtype=np.bool_)
+        if closed is not None:
+            self._open[np.asarray(closed, dtype=np.int64)] = False
+        self.key = np.packbits(self._open).tobytes()
 
     def quantity(self, name: str) -> Values:
         """A quantity of every frame, ``(M, T)``; the whole database is read once per quantity."""
@@ -152,15 +171,15 @@ class DatabaseFrames:
         return self.percentile(lambda frames: frames.quantity(name), name, percent)
 
     def percentile(self, of: Number, key: str, percent: float) -> np.float64:
-        """A percentile over the frames on which windows may start."""
-        found = self._known.percentiles
-        if (key, percent) not in found:
+        """A percentile over the frames on which windows of open sequences may start."""
+        found, place = self._known.percentiles, (key, percent, self.key)
+        if place not in found:
             everywhere = np.broadcast_to(np.asarray(of(self)), self.database.usable.shape)
-            values = everywhere[self.database.usable]
+            values = everywhere[self.database.usable & self._open[:, None]]
             values = values[np.isfinite(values)]
             empty = len(values) == 0
-            found[key, percent] = np.float64(np.nan if empty else np.percentile(values, percent))
-        return found[key, percent]
+            found[place] = np.float64(np.nan if empty else np.percentile(values, percent))
+        return found[place]
 
     def phases(self) -> NDArray[np.int8]:
         """``(M, T)``."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cospeech.errors import ConfigError
 from cospeech.matching.control.expressions import Criterion, Mask
-from cospeech.matching.control.frames import common_mask, database_mask
+from cospeech.matching.control.frames import Closed, common_mask, database_mask
 from cospeech.matching.control.schedule import Controls, KeywordControl, SpanControl
 from cospeech.matching.search import MatchingSearch
 from cospeech.speech.speech import Word
@@ -64,7 +64,7 @@ def plan_controls(
     search: MatchingSearch,
     steps: int,
     words: Sequence[Word] | None,
-    closed: Sequence[int] | NDArray[np.integer] | None = None,
+    closed: Closed = None,
 ) -> ControlPlan:
     """Find the windows that every step may use.
 
@@ -77,7 +77,7 @@ def plan_controls(
         search: The database, and the length of a step.
         steps: Steps of the speech.
         words: Of the speech, for keywords; None without a transcript.
-        closed: Sequences that aren't used anyway.
+        closed: Sequences that aren't used anyway; percentiles are of the others.
 
     Raises:
         ConfigError: The database lacks what a criterion asks for, or a step is left without windows
@@ -103,10 +103,11 @@ class _Planning:
         search: MatchingSearch,
         steps: int,
         words: Sequence[Word] | None,
-        closed: Sequence[int] | NDArray[np.integer] | None,
+        closed: Closed,
     ) -> None:
         self.controls, self.search, self.steps, self.words = controls, search, steps, words
         self.step_s = search.step / search.database.spec.fps
+        self._closed = closed
         self._open = np.ones(len(search.database), dtype=np.bool_)
         if closed is not None:
             self._open[np.asarray(closed, dtype=np.int64)] = False
@@ -123,7 +124,7 @@ class _Planning:
                 chosen[step] = self._triggered(step, keyword, by_span[step])
         for fallback in self._fallbacks:
             logger.warning(
-                "controls, %.2f to %.2f s: no window of the database has %s; %s", *fallback
+                "controls, %.2f to %.2f s: no window that may be used has %s; %s", *fallback
             )
         return ControlPlan(
             [choice.mask for choice in chosen],
@@ -143,7 +144,7 @@ class _Planning:
         if when_empty == "error":
             start_s, stop_s = self._times(step)
             raise ConfigError(
-                f"controls, {start_s:.2f} to {stop_s:.2f} s: no window of the database has"
+                f"controls, {start_s:.2f} to {stop_s:.2f} s: no window that may be used has"
                 f" {wanted}",
                 "loosen the criteria, or say when_empty: ignore",
             )
@@ -164,7 +165,10 @@ class _Planning:
     def _choice(self, criteria: Sequence[Criterion]) -> _Choice:
         distinct = {criterion.text: criterion for criterion in criteria}
         database, step = self.search.database, self.search.step
-        masks = [database_mask(criterion, database, step) for criterion in distinct.values()]
+        masks = [
+            database_mask(criterion, database, step, self._closed)
+            for criterion in distinct.values()
+        ]
         texts = list(distinct)
         text = texts[0] if len(texts) == 1 else " and ".join(f"({text})" for text in texts)
         return _Choice(common_mask(masks, database), text)

@@ -75,6 +75,7 @@ class RefinedMotionMatching(MatchedMethod):
         same_speaker: Use the motion of one speaker at a time, in training pairs as well.
         database: Folder of a database, in place of the corpus's own.
         form: The generator, as in the published ``"code"`` or as in the ``"paper"``.
+        residual: Let it put out what is added to the matched poses.
         generator_width: Channels of its first convolutions.
         critic_width: Channels of the critic's first convolutions.
         reconstruction_weight: Of the distance from what was matched.
@@ -118,6 +119,7 @@ class RefinedMotionMatching(MatchedMethod):
         same_speaker: bool = True,
         database: str | None = None,
         form: Form = "code",
+        residual: bool = False,
         generator_width: int = 128,
         critic_width: int = 512,
         reconstruction_weight: float = 0.1,
@@ -180,7 +182,7 @@ class RefinedMotionMatching(MatchedMethod):
         roles = (*gesture_joints(Skeleton.from_dict(corpus["skeleton"])).roles, *HEAD_ROLES)
         self.scales = Scales(roles, SPEECH_CHANNELS)
         numbers = 3 * len(roles)
-        self.generator = Refiner(SPEECH_CHANNELS, numbers, generator_width, form)
+        self.generator = Refiner(SPEECH_CHANNELS, numbers, generator_width, form, residual)
         self.averaged = copy.deepcopy(self.generator).requires_grad_(False)
         self.adversary = Adversary(
             Critic(SPEECH_CHANNELS + numbers, self.window.frames, critic_width),

@@ -38,18 +38,30 @@ class Refiner(nn.Module):
         poses: Numbers per pose.
         width: Channels of the first convolutions; 128 as published.
         form: See above.
+        residual: Put out what is added to the matched poses, at first nothing, not the poses.
 
     Raises:
         ConfigError: No such form.
     """
 
-    def __init__(self, audio: int, poses: int, width: int = 128, form: Form = "code") -> None:
+    def __init__(
+        self,
+        audio: int,
+        poses: int,
+        width: int = 128,
+        form: Form = "code",
+        residual: bool = False,
+    ) -> None:
         super().__init__()
         if form not in ("code", "paper"):
             raise ConfigError(f"no generator form {form!r}", "choose code or paper")
         network = _UNet if form == "code" else _Hourglass
         self.network = network(audio + poses, poses, width)
         start_as_published(self)
+        self.residual = residual
+        if residual:
+            *_, output = (layer for layer in self.modules() if isinstance(layer, nn.Conv1d))
+            nn.init.zeros_(output.weight)
 
     def forward(self, audio: Tensor, poses: Tensor) -> Tensor:
         """Refined poses.
@@ -68,7 +80,7 @@ class Refiner(nn.Module):
         if missing := -frames % POOLED:
             hidden = functional.pad(hidden, (0, missing), mode="replicate")
         refined: Tensor = self.network(hidden)[..., :frames].transpose(1, 2)
-        return refined
+        return poses + refined if self.residual else refined
 
 
 class _UNet(nn.Module):
@@ -87,12 +99,13 @@ class _UNet(nn.Module):
             ]
         )
         self.last = nn.Conv1d(2 * w, outputs, 1)
+        self.pool = _Halving()
 
     def forward(self, hidden: Tensor) -> Tensor:
         skips = []
         for down in self.down:
             skips.append(down(hidden))
-            hidden = functional.avg_pool1d(skips[-1], 2)
+            hidden = self.pool(skips[-1])
         hidden = self.middle(hidden)
         for up, skip in zip(self.up, reversed(skips), strict=True):
             hidden = up(torch.cat([hidden.repeat_interleave(2, dim=-1), skip], dim=1))
@@ -146,7 +159,7 @@ class Critic(nn.Module):
                 nn.LeakyReLU(_SLOPE),
                 *(_convolution(after, after), nn.InstanceNorm1d(after, affine=True)),
                 nn.LeakyReLU(_SLOPE),
-                nn.AvgPool1d(2),
+                _Halving(),
             )
         ]
         self.convolutions = nn.Sequential(*pairs)
@@ -158,6 +171,13 @@ class Critic(nn.Module):
         hidden = self.convolutions(windows.transpose(1, 2))
         scores: Tensor = self.output(hidden.flatten(1)).squeeze(1)
         return scores
+
+
+class _Halving(nn.Module):
+    """Average pooling of every two frames; torch's own takes several times as long on CPUs."""
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        return (hidden[..., ::2] + hidden[..., 1::2]) * 0.5
 
 
 def start_as_published(network: nn.Module) -> None:

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.step_windows import _upper_body_from, evaluation_frames
+from cospeech.corpus.step_windows import evaluation_frames, upper_body_from
 from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError
@@ -20,7 +20,8 @@ from cospeech.matching.matching import Matched
 from cospeech.matching.seams import Seam, blended
 from cospeech.matching.search import MatchingSearch
 from cospeech.matching.tracks import Track, Tracks
-from cospeech.methods.knn_cgan.pairs import Pairs, PairSettings, make_pairs
+from cospeech.methods.knn_cgan.pairing import make_pairs
+from cospeech.methods.knn_cgan.pairs import Pairs, PairSettings
 from cospeech.speech.feature_sets.sphinx import with_slopes
 
 FIELDS = frozenset({"joints", "matched", "cepstra", "positions", "speakers"})
@@ -104,7 +105,7 @@ class PairWindows:
         if "positions" in self.needs:
             frames = evaluation_frames(self.spec)
             places = zip(recordings.tolist(), self.starts_s[indices].tolist(), strict=True)
-            positions = [_upper_body_from(self.store, *place, frames) for place in places]
+            positions = [upper_body_from(self.store, *place, frames) for place in places]
             fields["positions"] = torch.from_numpy(np.stack(positions))
         return GestureBatch(**fields)
 

@@ -11,8 +11,7 @@ import torch
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.step_windows import StepWindows, split_windows
 from cospeech.corpus.store import Store
-from cospeech.corpus.window_loader import WindowLoader
-from cospeech.corpus.windows import WindowDataset
+from cospeech.corpus.window_loader import ServesWindows, WindowLoader
 from cospeech.errors import ConfigError
 from cospeech.methods.multi_adversary.adversaries import Views
 from cospeech.methods.multi_adversary.generation import GeneratesGestures
@@ -251,7 +250,7 @@ class GoesThroughStages(GeneratesGestures):
 class _EveryWindow:
     """All windows of a dataset in their order, some runs at a time, as often as wanted."""
 
-    def __init__(self, dataset: WindowDataset | StepWindows) -> None:
+    def __init__(self, dataset: ServesWindows) -> None:
         self.dataset = dataset
 
     def __iter__(self) -> Iterator[GestureBatch]:

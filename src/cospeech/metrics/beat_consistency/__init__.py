@@ -21,7 +21,7 @@ from cospeech.metrics.beat_consistency.consistency import (
     lag_profile,
 )
 from cospeech.metrics.beat_consistency.motion_beats import MotionBeats
-from cospeech.metrics.beat_consistency.scores import SIGMA_S, beat_score_sum, lift
+from cospeech.metrics.beat_consistency.scores import SIGMA_S, beat_scores, lift
 
 __all__ = [
     "SIGMA_S",
@@ -34,7 +34,7 @@ __all__ = [
     "StressedSyllables",
     "beat_clip",
     "beat_consistency",
-    "beat_score_sum",
+    "beat_scores",
     "lag_profile",
     "lift",
 ]

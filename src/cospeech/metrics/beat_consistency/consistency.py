@@ -13,7 +13,7 @@ from cospeech.metrics.beat_consistency.audio_beats import AudioDetector
 from cospeech.metrics.beat_consistency.motion_beats import MotionBeats, Times
 from cospeech.metrics.beat_consistency.scores import (
     SIGMA_S,
-    beat_score_sum,
+    beat_scores,
     circular_shifts,
     cut_from,
     lift,
@@ -157,8 +157,8 @@ def beat_consistency(
     Args:
         clips: What is scored together.
         sigma_s: Width of the Gaussian, seconds.
-        lag_s: Seconds by which speech follows motion; gestures lead by up to 0.3 s. A beat of
-            motion at t is in time with one of speech at ``t + lag_s``.
+        lag_s: Seconds by which speech follows motion; gestures tend to lead by about 0.2 s. A
+            beat of motion at t is in time with one of speech at ``t + lag_s``.
         mismatch: ``"shifts"`` or ``"recordings"``.
         mismatched: Mismatched audios per clip, at least 20.
         seed: Of the mismatch and the resampling.
@@ -175,17 +175,14 @@ def beat_consistency(
         raise ValueError(f"none of {len(clips)} clips has two beats of speech to be in time with")
     rng = np.random.default_rng(seed)
     mismatches = _shifted_speech(rng) if mismatch == "shifts" else _other_speech(spoken, rng)
-    to_motion, to_audio = [], []
-    for clip in spoken:
-        moved = clip.motion_beats
-        speeches = [clip.audio_beats, *mismatches(clip, mismatched)]
-        to_motion.append([(beat_score_sum(s, moved, sigma_s), len(s)) for s in speeches])
-        to_audio.append([(beat_score_sum(moved, s, sigma_s), len(moved)) for s in speeches])
+    sums = np.array(
+        [_sums(clip, [clip.audio_beats, *mismatches(clip, mismatched)], sigma_s) for clip in spoken]
+    )
     resampling = Resampling([clip.recording for clip in spoken], resamples, seed)
     seconds = sum(clip.duration for clip in clips)
     return BeatConsistency(
-        audio_to_motion=_directed(np.array(to_motion), resampling),
-        motion_to_audio=_directed(np.array(to_audio), resampling),
+        audio_to_motion=_directed(sums[:, 0], resampling),
+        motion_to_audio=_directed(sums[:, 1], resampling),
         motion_beats_per_second=sum(len(clip.motion_beats) for clip in clips) / seconds,
         audio_beats_per_second=sum(len(clip.audio_beats) for clip in clips) / seconds,
         lag_s=lag_s,
@@ -268,6 +265,20 @@ def _other_speech(clips: Sequence[BeatClip], rng: np.random.Generator) -> _Misma
         ]
 
     return beats_of
+
+
+def _sums(clip: BeatClip, speeches: Sequence[Times], sigma_s: float) -> Array:
+    """Sum of scores and number of beats, ``(2, S, 2)``: per direction and speech."""
+    # All at once: each speech has its own copy of the motion, far from the next one's.
+    apart = clip.duration + 100 * sigma_s
+    counts = [len(speech) for speech in speeches]
+    of_speech = np.repeat(np.arange(len(speeches)), counts)
+    spoken = np.concatenate(speeches) + apart * of_speech
+    moved = (clip.motion_beats + apart * np.arange(len(speeches))[:, None]).ravel()
+    to_motion = np.bincount(of_speech, beat_scores(spoken, moved, sigma_s), len(speeches))
+    to_audio = beat_scores(moved, spoken, sigma_s).reshape(len(speeches), -1).sum(axis=1)
+    beats = np.full(len(speeches), len(clip.motion_beats))
+    return np.stack([np.stack([to_motion, counts], axis=-1), np.stack([to_audio, beats], axis=-1)])
 
 
 def _directed(sums: Array, resampling: Resampling) -> DirectedConsistency:

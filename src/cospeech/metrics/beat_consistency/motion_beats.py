@@ -14,6 +14,8 @@ from cospeech.motion.motion import Motion
 Times = NDArray[np.float64]
 """``(n,)`` moments in seconds, ascending."""
 
+_ARRIVAL_S = 0.02
+
 
 @dataclass(frozen=True)
 class MotionBeats:
@@ -25,12 +27,13 @@ class MotionBeats:
     ``max(v, rest_speed)`` with a prominence of at least ``prominence``: on both sides, the hands
     get that much faster before they get slower than they were in the minimum.
 
-    Where hands stay under ``rest_speed``, the beat is the moment in which they got there: a stroke
-    that ends in a hold is one beat, at the hold's beginning, and leaving the hold is none. Hands
-    that rest from the start have no beat there, since nobody saw them arrive. A dip that stays
-    above is placed by the parabola through ``v^2`` of the lowest step and its neighbours, which is
+    A dip is placed by the parabola through ``v^2`` of the lowest step and its neighbours, which is
     exact for a hand that turns under a constant acceleration: at 15 fps, turns are found to a few
-    milliseconds where the frame alone would be 33 ms off.
+    milliseconds where the frame alone would be up to 33 ms off. Where hands stay under
+    ``rest_speed`` for more than a step, the beat is 20 ms after they got there, or in the middle of
+    the rest if that is sooner: a stroke that ends in a hold is one beat, at the hold's beginning,
+    and leaving the hold is none. Hands that rest from the start have no beat there, since nobody
+    saw them arrive.
 
     Time and speed are in seconds and metres, so the frame rate changes only how much is seen.
 
@@ -46,14 +49,14 @@ class MotionBeats:
     prominence: float = 0.1
     rest_speed: float = 0.05
 
-    def speed(self, motion: Motion) -> tuple[Times, NDArray[np.float64]]:
+    def speed(self, motion: Motion) -> tuple[Times, Times]:
         """The speed that beats are looked for in.
 
         Args:
             motion: Any skeleton with `joints`, relative to the body, metres.
 
         Returns:
-            Times ``(T - 1,)`` in seconds and speeds ``(T - 1,)`` in metres per second.
+            Times ``(T - 1,)`` of the steps, seconds, and speeds ``(T - 1,)``, metres per second.
 
         Raises:
             ValueError: A joint is missing, or a coordinate is NaN or infinite.
@@ -72,9 +75,9 @@ class MotionBeats:
             velocities = gaussian_filter1d(
                 velocities, self.smoothing_s * motion.fps, axis=0, mode="nearest"
             )
-        times: Times = (np.arange(len(velocities)) + 0.5) / motion.fps
-        speed: Times = np.sqrt(np.square(velocities).sum(-1).mean(-1))
-        return times, speed
+        times = (np.arange(len(velocities)) + 0.5) / motion.fps
+        speed = np.sqrt(np.square(velocities).sum(-1).mean(-1))
+        return np.asarray(times, np.float64), np.asarray(speed, np.float64)
 
     def __call__(self, motion: Motion) -> Times:
         """Beats of a motion; arguments and errors as for `speed`."""
@@ -85,24 +88,25 @@ class MotionBeats:
         # A rest that lasts to the end is a beat too, so something has to follow it.
         closed = np.append(floored, floored.max())
         _, found = find_peaks(-closed, prominence=self.prominence, plateau_size=1)
-        beats = [
-            _crossing(times, speed, first, self.rest_speed)
-            if speed[first] <= self.rest_speed
-            else _vertex(times, np.square(speed), first)
-            for first in found["left_edges"].tolist()
-            if first < len(speed) - 1 or speed[first] <= self.rest_speed
-        ]
+        beats = []
+        for first, last in zip(found["left_edges"], found["right_edges"], strict=True):
+            if last + 1 < len(speed) and first == last:
+                beats.append(_vertex(times, np.square(speed), int(first)))
+            elif speed[first] <= self.rest_speed:
+                beats.append(_arrival(times, speed, int(first), int(last), self.rest_speed))
         return np.array(beats, dtype=np.float64)
 
 
-def _crossing(times: Times, speed: NDArray[np.float64], step: int, level: float) -> float:
-    """When the speed got down to ``level``, between ``step`` and the step before it."""
-    before, after = speed[step - 1], speed[step]
-    share = (before - level) / (before - after)
-    return float(times[step - 1] + share * (times[step] - times[step - 1]))
+def _arrival(times: Times, speed: Times, first: int, last: int, level: float) -> float:
+    """When hands came to rest that are no faster than ``level`` from step first to step last."""
+    begins = float(np.interp(level, speed[[first, first - 1]], times[[first, first - 1]]))
+    ends = float(times[last])
+    if last + 1 < len(speed):
+        ends = float(np.interp(level, speed[[last, last + 1]], times[[last, last + 1]]))
+    return begins + min(_ARRIVAL_S, (ends - begins) / 2)
 
 
-def _vertex(times: Times, squares: NDArray[np.float64], step: int) -> float:
+def _vertex(times: Times, squares: Times, step: int) -> float:
     """The lowest point of the parabola through a local minimum and its neighbours."""
     before, here, after = squares[step - 1 : step + 2]
     curvature = before - 2 * here + after

@@ -9,6 +9,7 @@ sqrt(pi / 2) erfcx(sqrt(2) r sigma)``, whatever is said: 0.22 for one beat per s
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cospeech.metrics.beat_consistency.motion_beats import Times
 
@@ -16,24 +17,27 @@ SIGMA_S = 0.1
 """Seconds by which a beat may miss and still score 0.61."""
 
 
-def beat_score_sum(beats: Times, others: Times, sigma_s: float = SIGMA_S) -> float:
-    """``sum over a in beats of exp(-min over b in others of (a - b)^2 / (2 sigma^2))``.
+def beat_scores(beats: Times, others: Times, sigma_s: float = SIGMA_S) -> NDArray[np.float64]:
+    """``exp(-min over b in others of (a - b)^2 / (2 sigma^2))`` of each beat a.
 
-    The directed score S(beats -> others) is this by the number of ``beats`` (spec 3.2). Without
-    others every beat scores 0.
+    Their mean is the directed score S(beats -> others) (spec 3.2). Without others all are 0.
 
     Args:
         beats: ``(n,)`` seconds, ascending.
         others: ``(m,)`` seconds, ascending.
         sigma_s: Width of the Gaussian, seconds.
+
+    Returns:
+        ``(n,)`` in [0, 1].
     """
     if not len(others):
-        return 0.0
+        return np.zeros(len(beats))
     after = np.searchsorted(others, beats)
     before = others[np.maximum(after - 1, 0)]
     following = others[np.minimum(after, len(others) - 1)]
     distances = np.minimum(np.abs(beats - before), np.abs(beats - following))
-    return float(np.exp(-np.square(distances) / (2 * sigma_s**2)).sum())
+    scores: NDArray[np.float64] = np.exp(-np.square(distances) / (2 * sigma_s**2))
+    return scores
 
 
 def lift(score: float, chance: float) -> float:
