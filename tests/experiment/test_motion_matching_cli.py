@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,6 +37,16 @@ def run(tmp_path_factory):
     assert done.returncode == 0, done.stdout + done.stderr
     ((folder, record),) = command_line.records(outputs).items()
     return outputs, folder, record
+
+
+@pytest.fixture(scope="module")
+def search_run(run):
+    """The search alone, whose output is recorded motion from the beginning."""
+    outputs, folder, _ = run
+    done = command_line.run(outputs, "model=knn", *TINY[6:])
+    assert done.returncode == 0, done.stdout + done.stderr
+    (searched,) = set(command_line.records(outputs)) - {folder}
+    return outputs, searched
 
 
 def test_training_selects_by_fgd_and_seam(run):
@@ -86,8 +97,8 @@ def test_a_run_is_judged_again(run):
     assert again == pytest.approx(record["final"]["recordings"]["fgd"], rel=1e-5)
 
 
-def test_controlled_generation_from_files(run, tmp_path):
-    outputs, folder, _ = run
+def test_controlled_generation_from_files(search_run, tmp_path):
+    outputs, folder = search_run
     rng = np.random.default_rng(0)
     save_wav(tmp_path / "speech.wav", rng.normal(0, 0.1, 16_000 * 9).astype(np.float32))
     (tmp_path / "speech.tsv").write_text("0.5\t0.9\thello\n4.0\t4.6\thuge\n")
@@ -110,8 +121,7 @@ def test_controlled_generation_from_files(run, tmp_path):
         found[name] = motion["positions"][:, list(motion["joints"]).index("left_wrist"), 1].mean()
     assert found["high"] > found["low"] + 0.02
     page = re.search(r"listen: (\S+)", done.stdout)[1]
-    with open(page) as file:
-        assert "huge" in file.read()
+    assert "huge" in Path(page).read_text()
 
 
 @pytest.mark.parametrize(
