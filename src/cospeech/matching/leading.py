@@ -1,0 +1,134 @@
+"""Leading principal coordinates of features, whose differences bound distances from below."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.matching.kernels import Bounds
+
+_READ = (40, 64)
+"""Coordinates of poses that few and many queries read: memory is what few wait for, and many would
+measure more distances with less. Multiples of 4, as `nearest_frames` wants them."""
+
+_PADDED_TO = 16  # starts, so that whole vector registers are worked on
+_SEQUENCES_AT_ONCE = 512
+_ROWS_FOR_AXES = 1 << 16
+_LARGEST = 2**15 - 1
+_FEW_QUERIES = 7
+
+UNIT_ROUNDOFF = 2.0**-24
+
+
+class LeadingCoordinates:
+    """Rows turned to the axes that hold most of them; for `nearest_frames`.
+
+    A rotation to the principal axes keeps distances, and the first few axes hold nearly all of one;
+    the length of what the other axes hold is one more coordinate. Coordinates are 16-bit integers,
+    each with a scale of its own.
+
+    Args:
+        rows: ``(M, T, D)`` features.
+        lengths: ``(M, S)`` what rows are divided by: their lengths where directions are compared.
+        usable: ``(M, S)`` starts that queries may use.
+        is_audio: Whether directions are compared.
+    """
+
+    def __init__(
+        self,
+        rows: NDArray[np.float32],
+        lengths: NDArray[np.float64],
+        usable: NDArray[np.bool_],
+        is_audio: bool,
+    ) -> None:
+        self._is_audio = is_audio
+        (count, starts), width = lengths.shape, rows.shape[2]
+        every = max(1, count * starts // _ROWS_FOR_AXES)
+        sample = _scaled(rows[::every, :starts], lengths[::every]).reshape(-1, width)
+        self._axes = np.linalg.eigh(sample.T @ sample)[1][:, ::-1].copy()
+        # Directions of audio have no axes to spare.
+        self._read = [width + -width % 4 + 4] if is_audio else sorted(_READ)
+        padded = -(-starts // _PADDED_TO) * _PADDED_TO
+        self._longest = 0.0
+        self._halves = np.full((count, padded), np.inf, dtype=np.float32)
+        largest = np.zeros(self._read[-1])
+        blocks = [slice(i, i + _SEQUENCES_AT_ONCE) for i in range(0, count, _SEQUENCES_AT_ONCE)]
+        for block in blocks:
+            scaled = _scaled(rows[block, :starts], lengths[block])
+            squares = (scaled * scaled).sum(axis=2)
+            self._longest = max(self._longest, math.sqrt(float(squares.max())))
+            self._halves[block, :starts] = np.where(usable[block], squares / 2, np.inf)
+            largest = np.maximum(largest, np.abs(self._turned(scaled)).max(axis=(0, 1)))
+        self._scales = np.where(largest > 0, largest, 1) / _LARGEST
+        self._coordinates = np.zeros((count, len(largest), padded), dtype=np.int16)
+        for block in blocks:
+            turned = self._turned(_scaled(rows[block, :starts], lengths[block]))
+            turned /= self._scales
+            np.rint(turned, out=turned)
+            self._coordinates[block, :, :starts] = turned.transpose(0, 2, 1)
+
+    @property
+    def padded_shape(self) -> tuple[int, int]:
+        """(M, S'): starts of every sequence, padded."""
+        count, padded = self._halves.shape
+        return count, padded
+
+    def bounds(self, queries: NDArray[np.float64]) -> Bounds:
+        """What bounds of the distances to ``(B, D)`` queries need.
+
+        The slack covers
+
+        * rounding of coordinates: half a unit of each, times the query's;
+        * single precision: a sum of L products is off by at most ``L u |x| |q|``, in whatever order
+          it is added up; numbers that are rounded and the few more that are added, among them
+          bounds themselves, count as 32 more.
+        """
+        if self._is_audio:
+            queries = _scaled(queries, np.sqrt((queries * queries).sum(axis=1)))
+        read = self._read[0] if len(queries) <= _FEW_QUERIES else self._read[-1]
+        turned = self._turned(queries)[:, :read]
+        # Of the lengths of what is left out, only that behind the last coordinate counts.
+        turned[:, [end - 1 for end in self._read if end < read]] = 0
+        vectors = -turned * self._scales[:read]
+        lengths = np.sqrt((queries * queries).sum(axis=1))
+        rounding = np.abs(vectors).sum(axis=1) / 2
+        slack = rounding + (read + 32) * UNIT_ROUNDOFF * (lengths + self._longest) ** 2
+        return Bounds(
+            self._coordinates,
+            self._halves,
+            vectors.astype(np.float32),
+            (lengths * lengths / 2).astype(np.float32),
+            np.nextafter(slack.astype(np.float32), np.float32(np.inf)),
+            read - 1,
+        )
+
+    def _turned(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates on the last axis; the last that is read is the length of what isn't."""
+        turned = values @ self._axes
+        result = np.zeros((*turned.shape[:-1], self._read[-1]))
+        axis = 0
+        place = 0
+        for end in self._read:
+            taken = min(end - 1 - place, turned.shape[-1] - axis)
+            result[..., place : place + taken] = turned[..., axis : axis + taken]
+            axis, place = axis + taken, end
+            result[..., end - 1] = np.sqrt((turned[..., axis:] ** 2).sum(axis=-1))
+        return result
+
+
+def row_lengths(rows: NDArray[np.float32], starts: int) -> NDArray[np.float64]:
+    """``(M, S)`` lengths of the rows, as `audio_distances` computes them."""
+    lengths = np.empty((len(rows), starts))
+    for first in range(0, len(rows), _SEQUENCES_AT_ONCE):
+        values = rows[first : first + _SEQUENCES_AT_ONCE, :starts].astype(np.float64)
+        lengths[first : first + len(values)] = np.sqrt((values * values).sum(axis=2))
+    return lengths
+
+
+def _scaled(rows: NDArray[np.floating], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows over lengths; 0 where the length is 0."""
+    values = rows.astype(np.float64)
+    by = lengths[..., None]
+    return np.divide(values, by, out=np.zeros_like(values), where=by > 0)
