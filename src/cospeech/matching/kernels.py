@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 # Unlike `fastmath`, none of this assumes that there are no infinities.
 _compiled = numba.njit(nogil=True, cache=True, error_model="numpy")
 
-# Arrays that a call takes are counted, and a tuple's are handed over one by one.
-_inlined = numba.njit(nogil=True, cache=True, error_model="numpy", inline="always")
-
 # Sums may be added up in another order, so that many terms are added at once. The order is the
 # same for every row: equal rows are equally far, to the last bit.
 _summing = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+
+# Part of the caller: a call would count references to its arrays, which takes longer than a sum.
+_inlined = numba.njit(nogil=True, cache=True, error_model="numpy", inline="always")
 
 MOST_STARTS = 64
 _FRAME_BITS = np.int32(MOST_STARTS - 1)
@@ -35,7 +35,6 @@ _FRAME_BITS = np.int32(MOST_STARTS - 1)
 _MOST_BITS = np.int32(2**31 - 1)
 _PLACES = np.arange(MOST_STARTS, dtype=np.int32)
 _PAIRS_AT_ONCE = 64
-_SEQUENCES_AT_ONCE = 8
 _LIBRARY_FROM = 8  # queries from which on a call of the linear algebra library pays
 _LIBRARY_ALONE = 1 << 18
 """Multiplications up to which OpenBLAS starts no threads of its own, which would be in the way."""
@@ -65,13 +64,13 @@ class Bounds(NamedTuple):
     """What bounds of the preselecting distance need; see the module for what they say.
 
     Attributes:
-        coordinates: ``(M, L, S')`` of each start, starts padded to S'.
+        coordinates: ``(M, L, S')`` of each start, starts padded to S'; L is a multiple of 4.
         halves: ``(M, S')`` of ``|x|^2 / 2``; infinite for starts that no query may use.
-        vectors: ``(B, L')`` of each query; their product with the first L' coordinates of a start
-            is ``-(sum + r)``. L' is a multiple of 4.
+        vectors: ``(B, L)`` of each query; their product with a start's coordinates is
+            ``-(sum + r)``.
         offsets: ``(B,)`` of ``|q|^2 / 2``.
         slack: ``(B,)``.
-        rest: Which coordinate is the length of what L' leave out.
+        rest: Which coordinate is the length of what the others leave out.
     """
 
     coordinates: NDArray[np.int16]
@@ -117,11 +116,10 @@ class Found(NamedTuple):
     second: NDArray[np.float32]
 
 
-# Rows are named by their places: a view of one would be counted, which takes longer than the sum.
-
-
-@_summing
-def _squared(queries, b, rows, m, f):  # type: ignore[no-untyped-def]  # noqa: ANN
+@_inlined
+def _squared(
+    queries: NDArray[np.floating], b: int, rows: NDArray[np.float32], m: int, f: int
+) -> np.floating:
     total = queries.dtype.type(0)
     for i in range(rows.shape[2]):
         difference = rows[m, f, i] - queries[b, i]
@@ -129,8 +127,10 @@ def _squared(queries, b, rows, m, f):  # type: ignore[no-untyped-def]  # noqa: A
     return total
 
 
-@_summing
-def _product(queries, b, rows, m, f):  # type: ignore[no-untyped-def]  # noqa: ANN
+@_inlined
+def _product(
+    queries: NDArray[np.floating], b: int, rows: NDArray[np.float32], m: int, f: int
+) -> np.floating:
     total = queries.dtype.type(0)
     for i in range(rows.shape[2]):
         total += rows[m, f, i] * queries[b, i]
@@ -138,7 +138,7 @@ def _product(queries, b, rows, m, f):  # type: ignore[no-untyped-def]  # noqa: A
 
 
 @_inlined
-def distance(
+def _distance(
     is_audio: bool,
     rows: NDArray[np.float32],
     lengths: NDArray[np.float64],
@@ -151,14 +151,21 @@ def distance(
     """Distance of a query and a row, of one `Side`, in the precision of ``queries``."""
     if is_audio:
         length = lengths[m, f] * query_lengths[b]
-        cosine = _product(queries, b, rows, m, f) / length if length > 0 else 0.0
-        measured = 1 - cosine
+        cosine = float(_product(queries, b, rows, m, f)) / length if length > 0 else 0.0
+        measured = 1.0 - cosine
     else:
-        measured = _squared(queries, b, rows, m, f) * 1.0
+        measured = float(_squared(queries, b, rows, m, f))
     return measured
 
 
 @_summing
+def distance(side: Side, b: int, m: int, f: int) -> float:
+    """Distance of query b and a row in double precision."""
+    is_audio, rows, lengths, queries, _, query_lengths = side
+    return _distance(is_audio, rows, lengths, queries, query_lengths, b, m, f)
+
+
+@_inlined
 def _few_scores(
     coordinates: NDArray[np.int16],
     m: int,
@@ -181,7 +188,7 @@ def _few_scores(
                 )
 
 
-@_compiled
+@_inlined
 def _many_scores(
     coordinates: NDArray[np.int16],
     m: int,
@@ -223,7 +230,7 @@ def _close(
         scores[pair, hidden] = np.inf
 
 
-@_compiled
+@_summing
 def nearest_frames(
     start: int, end: int, bounds: Bounds, first: Side, second: Side, allowed: Allowed, found: Found
 ) -> None:
@@ -238,23 +245,26 @@ def nearest_frames(
     frames, low, high, other = found
     half = 1.0 if is_audio else 0.5  # 1 - cos is half of what two directions are apart, squared
     count, starts = len(vectors), coordinates.shape[2]
-    # Pairs of a sequence and a query are worked on in groups, first all bounds, then all distances:
-    # the processor then waits for many rows from memory at once, not for one after the other.
-    together = max(_SEQUENCES_AT_ONCE, _PAIRS_AT_ONCE // count)
+    # Worked on in tiles of sequences and queries: bounds stay in the nearest cache, and as all of
+    # a tile come before its distances, rows come from memory together, not one after the other.
+    wide = min(count, _PAIRS_AT_ONCE)
+    tall = _PAIRS_AT_ONCE // wide
     block = np.empty((vectors.shape[1], starts), dtype=np.float32)
-    scores = np.empty((together * count, starts), dtype=np.float32)
+    scores = np.empty((tall * wide, starts), dtype=np.float32)
     bits = scores.view(np.int32)
-    for group in range(start, end, together):
-        stop = min(group + together, end)
-        for m in range(group, stop):
+    for tile in range(((end - start + tall - 1) // tall) * ((count + wide - 1) // wide)):
+        row, column = divmod(tile, (count + wide - 1) // wide)
+        m_from, b_from = start + row * tall, column * wide
+        m_to, b_to = min(m_from + tall, end), min(b_from + wide, count)
+        for m in range(m_from, m_to):
+            at = (m - m_from) * wide
             if count < _LIBRARY_FROM:
-                _few_scores(coordinates, m, vectors, scores, (m - group) * count)
+                _few_scores(coordinates, m, vectors, scores, at)
             else:
-                _many_scores(coordinates, m, vectors, scores, (m - group) * count, block)
-        for b in range(count):
-            for m in range(group, stop):
-                pair = (m - group) * count + b
-                offset = offsets[b]
+                _many_scores(coordinates, m, vectors[b_from:b_to], scores, at, block)
+        for m in range(m_from, m_to):
+            for b in range(b_from, b_to):
+                pair, offset = (m - m_from) * wide + b - b_from, offsets[b]
                 for f in range(starts):
                     scores[pair, f] = max(scores[pair, f] + halves[m, f] + offset, np.float32(0))
                 if which[b] >= 0 or only[b, 0] == m or standing_on[b, 0] == m:
@@ -266,41 +276,40 @@ def nearest_frames(
                 for f in range(starts):
                     lowest = min(lowest, (bits[pair, f] & ~_FRAME_BITS) | _PLACES[f])
                 likely = lowest & _FRAME_BITS
-                frames[b, m] = -1 if closed[b, m] or scores[pair, likely] == np.inf else likely
-        for b in range(count):
-            slack = slacks[b]
-            for m in range(group, stop):
-                pair, likely = (m - group) * count + b, frames[b, m]
-                low[b, m] = high[b, m] = np.inf
-                if likely < 0:
+                if closed[b, m] or scores[pair, likely] == np.inf:
+                    frames[b, m], low[b, m], high[b, m] = -1, np.inf, np.inf
                     continue
                 # Rounded, a coordinate is at most half too small; the vector's is negative.
                 length = np.float32(coordinates[m, rest, likely]) + np.float32(0.5)
                 width = np.float32(-2) * vectors[b, rest] * length
-                limit = scores[pair, likely] + width + np.float32(2) * slack
+                frames[b, m] = likely
+                low[b, m] = scores[pair, likely] - slacks[b]
+                high[b, m] = scores[pair, likely] + width + slacks[b]
+        for m in range(m_from, m_to):
+            for b in range(b_from, b_to):
+                pair, likely, slack = (m - m_from) * wide + b - b_from, frames[b, m], slacks[b]
+                limit = high[b, m] + slack
                 near = np.int32(0)
                 for f in range(starts):
                     near += np.int32(scores[pair, f] <= limit)
-                if near == 1:
-                    low[b, m] = scores[pair, likely] - slack
-                    high[b, m] = scores[pair, likely] + width + slack
+                if near <= 1 or likely < 0:
                     continue
                 best, nearest = np.inf, likely
                 for turn in range(-1, starts):
                     f = likely if turn < 0 else turn
                     if turn >= 0 and (f == likely or scores[pair, f] > limit):
                         continue
-                    measured = distance(is_audio, rows, lengths, queries, query_lengths, b, m, f)
+                    measured = _distance(is_audio, rows, lengths, queries, query_lengths, b, m, f)
                     if measured < best or (measured == best and f < nearest):
                         best, nearest = measured, f
                         limit = np.float32(half * best) + slack
                 frames[b, m] = nearest
                 low[b, m] = np.float32(half * best) - slack
                 high[b, m] = np.float32(half * best) + slack
-        for b in range(count):
-            for m in range(group, stop):
+        for m in range(m_from, m_to):
+            for b in range(b_from, b_to):
                 f = frames[b, m]
                 if f >= 0:
-                    other[b, m] = distance(
+                    other[b, m] = _distance(
                         is_audio_2, rows_2, lengths_2, short_2, query_lengths_2, b, m, f
                     )

@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from cospeech.matching.kernels import Bounds
 
-_READ = (40, 64)
-"""Coordinates of poses that few and many queries read: memory is what few wait for, and many would
-measure more distances with less. Multiples of 4, as `nearest_frames` wants them."""
+_COORDINATES = {False: 48, True: 113}
+"""Of poses and of audio, whose directions have no axes to spare."""
 
 _PADDED_TO = 16  # starts, so that whole vector registers are worked on
 _SEQUENCES_AT_ONCE = 512
 _ROWS_FOR_AXES = 1 << 16
 _LARGEST = 2**15 - 1
-_FEW_QUERIES = 7
 
 UNIT_ROUNDOFF = 2.0**-24
 
@@ -48,23 +46,25 @@ class LeadingCoordinates:
         every = max(1, count * starts // _ROWS_FOR_AXES)
         sample = _scaled(rows[::every, :starts], lengths[::every]).reshape(-1, width)
         self._axes = np.linalg.eigh(sample.T @ sample)[1][:, ::-1].copy()
-        # Directions of audio have no axes to spare.
-        self._read = [width + -width % 4 + 4] if is_audio else sorted(_READ)
+        self._kept = min(_COORDINATES[is_audio] - 1, width)
+        # The kernel adds up coordinates in fours.
+        height = -(-(self._kept + 1) // 4) * 4
         padded = -(-starts // _PADDED_TO) * _PADDED_TO
         self._longest = 0.0
         self._halves = np.full((count, padded), np.inf, dtype=np.float32)
-        largest = np.zeros(self._read[-1])
+        largest = np.zeros(height)
         blocks = [slice(i, i + _SEQUENCES_AT_ONCE) for i in range(0, count, _SEQUENCES_AT_ONCE)]
         for block in blocks:
             scaled = _scaled(rows[block, :starts], lengths[block])
             squares = (scaled * scaled).sum(axis=2)
             self._longest = max(self._longest, math.sqrt(float(squares.max())))
             self._halves[block, :starts] = np.where(usable[block], squares / 2, np.inf)
-            largest = np.maximum(largest, np.abs(self._turned(scaled)).max(axis=(0, 1)))
+            turned = self._turned(scaled, height)
+            largest = np.maximum(largest, np.abs(turned).max(axis=(0, 1)))
         self._scales = np.where(largest > 0, largest, 1) / _LARGEST
-        self._coordinates = np.zeros((count, len(largest), padded), dtype=np.int16)
+        self._coordinates = np.zeros((count, height, padded), dtype=np.int16)
         for block in blocks:
-            turned = self._turned(_scaled(rows[block, :starts], lengths[block]))
+            turned = self._turned(_scaled(rows[block, :starts], lengths[block]), height)
             turned /= self._scales
             np.rint(turned, out=turned)
             self._coordinates[block, :, :starts] = turned.transpose(0, 2, 1)
@@ -87,34 +87,26 @@ class LeadingCoordinates:
         """
         if self._is_audio:
             queries = _scaled(queries, np.sqrt((queries * queries).sum(axis=1)))
-        read = self._read[0] if len(queries) <= _FEW_QUERIES else self._read[-1]
-        turned = self._turned(queries)[:, :read]
-        # Of the lengths of what is left out, only that behind the last coordinate counts.
-        turned[:, [end - 1 for end in self._read if end < read]] = 0
-        vectors = -turned * self._scales[:read]
+        height = len(self._scales)
+        vectors = -self._turned(queries, height) * self._scales
         lengths = np.sqrt((queries * queries).sum(axis=1))
         rounding = np.abs(vectors).sum(axis=1) / 2
-        slack = rounding + (read + 32) * UNIT_ROUNDOFF * (lengths + self._longest) ** 2
+        slack = rounding + (height + 32) * UNIT_ROUNDOFF * (lengths + self._longest) ** 2
         return Bounds(
             self._coordinates,
             self._halves,
             vectors.astype(np.float32),
             (lengths * lengths / 2).astype(np.float32),
             np.nextafter(slack.astype(np.float32), np.float32(np.inf)),
-            read - 1,
+            self._kept,
         )
 
-    def _turned(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Coordinates on the last axis; the last that is read is the length of what isn't."""
+    def _turned(self, values: NDArray[np.float64], height: int) -> NDArray[np.float64]:
+        """Leading coordinates on the last axis, the length of what is left, and zeros."""
         turned = values @ self._axes
-        result = np.zeros((*turned.shape[:-1], self._read[-1]))
-        axis = 0
-        place = 0
-        for end in self._read:
-            taken = min(end - 1 - place, turned.shape[-1] - axis)
-            result[..., place : place + taken] = turned[..., axis : axis + taken]
-            axis, place = axis + taken, end
-            result[..., end - 1] = np.sqrt((turned[..., axis:] ** 2).sum(axis=-1))
+        result = np.zeros((*values.shape[:-1], height))
+        result[..., : self._kept] = turned[..., : self._kept]
+        result[..., self._kept] = np.sqrt((turned[..., self._kept :] ** 2).sum(axis=-1))
         return result
 
 

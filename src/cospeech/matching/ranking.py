@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from cospeech.matching.kernels import Found, Side, distance
 
 _compiled = numba.njit(nogil=True, cache=True, error_model="numpy")
-_inlined = numba.njit(nogil=True, cache=True, error_model="numpy", inline="always")
 _SAMPLED = 16  # every so many
 
 
@@ -39,7 +38,7 @@ class _Buckets(NamedTuple):
     last: float
 
 
-@_inlined
+@_compiled
 def _bucket(buckets: _Buckets, value: float) -> int:
     place = (value - buckets.lowest) * buckets.per_unit
     return int(min(max(place, 0.0), buckets.last))
@@ -68,8 +67,7 @@ def _first_of(
     wanted: int,
 ) -> NDArray[np.int32]:
     """The first ``wanted`` candidates or more by distance; of equals the earlier one first."""
-    is_audio, rows, lengths, queries, _, query_lengths = side
-    half = 1.0 if is_audio else 0.5
+    half = 1.0 if side.is_audio else 0.5
     buckets = _buckets(candidates, high)
     counts = np.zeros(int(buckets.last) + 1, dtype=np.int32)
     for m in candidates:
@@ -88,11 +86,17 @@ def _first_of(
     distances = np.empty(size)
     kept = 0
     for m in near[:size]:
-        measured = distance(is_audio, rows, lengths, queries, query_lengths, b, m, frames[m])
+        measured = distance(side, b, m, frames[m])
         if _bucket(buckets, half * measured) <= last:
             near[kept], distances[kept] = m, measured
             kept += 1
     return near[:kept][np.argsort(distances[:kept], kind="mergesort")]
+
+
+@_compiled
+def _reach(side: Side, value: float, error: float) -> float:
+    """Distances that differ by more than this from one are in order, whatever they are off."""
+    return 2 * error * (1.0 if side.is_audio else value / (1 - error))
 
 
 @_compiled
@@ -104,6 +108,7 @@ def _ranks(
     error: float,
     candidates: NDArray[np.int32],
     near: NDArray[np.int32],
+    k: int,
 ) -> NDArray[np.int64]:
     """The ranks of some candidates among all; of equals the earlier one is before.
 
@@ -114,9 +119,10 @@ def _ranks(
         distances: Of every sequence, in single precision.
         error: How far off they may be: absolute for audio, relative for poses.
         candidates: All of them.
-        near: Those whose ranks are wanted.
+        near: Those whose ranks are wanted, in the order of the other modality.
+        k: How many sums of both ranks count; a rank whose sum can't be among the k lowest may be
+            given too low, but not so low that it seems to be.
     """
-    is_audio, rows, lengths, queries, _, query_lengths = side
     buckets = _buckets(candidates, distances)
     begins = np.zeros(int(buckets.last) + 3, dtype=np.int32)
     places = np.empty(len(candidates), dtype=np.int32)
@@ -132,49 +138,40 @@ def _ranks(
         place = places[i] + 1
         members[begins[place]] = candidates[i]
         begins[place] += 1
-    measured = np.full(len(distances), np.nan)
     ranks = np.empty(len(near), dtype=np.int64)
+    at_most = np.empty(len(near), dtype=np.int64)
     for i in range(len(near)):
-        m = near[i]
-        own = np.float64(distances[m])
-        # Two are in order if more lies between them than both may be off.
-        reach = 2 * error * (1.0 if is_audio else own / (1 - error))
+        own, reach = np.float64(distances[near[i]]), _reach(side, distances[near[i]], error)
         first = begins[_bucket(buckets, own - reach)]
-        rank = first
+        nearer, open_ones = first, -1
         for j in members[first : begins[_bucket(buckets, own + reach) + 1]]:
-            gap = distances[j] - own
-            if gap < -reach:
-                rank += 1
-            elif gap <= reach and j != m:
-                for n in (m, j):
-                    if np.isnan(measured[n]):
-                        measured[n] = distance(
-                            is_audio, rows, lengths, queries, query_lengths, b, n, frames[n]
-                        )
-                nearer = measured[j] < measured[m]
-                rank += nearer or (measured[j] == measured[m] and j < m)
-        ranks[i] = rank
+            nearer += distances[j] - own < -reach
+            open_ones += abs(distances[j] - own) <= reach
+        ranks[i], at_most[i] = nearer, i + nearer + open_ones
+    enough = np.partition(at_most, k - 1)[k - 1]
+    measured = np.full(len(distances), np.nan)
+    for i in range(len(near)):
+        if i + ranks[i] == at_most[i] or i + ranks[i] > enough:
+            continue
+        m = near[i]
+        own, reach = np.float64(distances[m]), _reach(side, distances[m], error)
+        first, end = _bucket(buckets, own - reach), _bucket(buckets, own + reach) + 1
+        for j in members[begins[first] : begins[end]]:
+            if j == m or abs(distances[j] - own) > reach:
+                continue
+            for n in (m, j):
+                if np.isnan(measured[n]):
+                    measured[n] = distance(side, b, n, frames[n])
+            nearer = measured[j] < measured[m]
+            ranks[i] += nearer or (measured[j] == measured[m] and j < m)
     return ranks
 
 
 @_compiled
-def choose(
+def _choose(
     k: int, b: int, first: Side, second: Side, found: Found, error: float, alone: bool
 ) -> tuple[int, int, int]:
-    """The k-th candidate of a query by the sum of its ranks; of equal sums the nearer pose's.
-
-    Args:
-        k: From 1; the last one where there are fewer.
-        b: The query.
-        first: The preselecting modality.
-        second: The other one.
-        found: Every sequence's candidate.
-        error: How far ``found.second`` may be off: absolute for audio, relative for poses.
-        alone: Whether the first modality counts alone.
-
-    Returns:
-        Sequence and frame, -1 where there is none, and the number of candidates.
-    """
+    """Sequence and frame, -1 where there is none, and the number of candidates."""
     frames, low, high, other = found.frames[b], found.low[b], found.high[b], found.second[b]
     candidates = np.empty(len(frames), dtype=np.int32)
     everyone = 0
@@ -190,7 +187,7 @@ def choose(
         near = _first_of(first, b, frames, low, high, candidates, wanted)
         place, worst = k - 1, 0
         if not alone:
-            ranks = _ranks(second, b, frames, other, error, candidates, near)
+            ranks = _ranks(second, b, frames, other, error, candidates, near, k)
             # Sums, then pose ranks; both are below the number of candidates.
             keys = np.empty(len(near), dtype=np.int64)
             for i in range(len(near)):
@@ -203,3 +200,33 @@ def choose(
             chosen = near[place]
             return chosen, frames[chosen], everyone
         wanted = min(everyone, worst + 1)
+
+
+@_compiled
+def choose(
+    start: int,
+    end: int,
+    ks: NDArray[np.int64],
+    first: Side,
+    second: Side,
+    found: Found,
+    error: float,
+    alone: bool,
+    chosen: NDArray[np.int64],
+) -> None:
+    """Choose candidates by the sum of their ranks, and of equal sums by the nearer pose.
+
+    Args:
+        start: The first query.
+        end: The one after the last.
+        ks: ``(B,)`` which candidate, from 1; the last one where there are fewer.
+        first: The preselecting modality.
+        second: The other one.
+        found: Every sequence's candidate.
+        error: How far ``found.second`` may be off: absolute for audio, relative for poses.
+        alone: Whether the first modality counts alone.
+        chosen: ``(B, 3)``, written: sequence and frame, -1 where there is none, and the number of
+            candidates.
+    """
+    for b in range(start, end):
+        chosen[b] = _choose(ks[b], b, first, second, found, error, alone)

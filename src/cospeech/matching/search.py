@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,6 @@ from cospeech.matching.ranking import choose
 from cospeech.matching.reference import STEP_FRAMES, Match, Preselect
 
 _QUERIES_AT_ONCE = 256
-
-_Result = TypeVar("_Result")
 
 
 class Query(NamedTuple):
@@ -78,7 +76,7 @@ class MatchingSearch:
         start_offset: int = 0,
         threads: int | None = None,
     ) -> None:
-        count, frames = database.usable.shape
+        _, frames = database.usable.shape
         self.starts = frames - step + 1 - start_offset
         if step < 1 or self.starts < 1:
             raise ConfigError(
@@ -137,26 +135,28 @@ class MatchingSearch:
         # their magnitudes: the product of both lengths, or the sum itself.
         error = (second.rows.shape[2] + 16) * UNIT_ROUNDOFF
 
+        alone = self.preselect == "pose_only"
+        ks = np.array([query.k for query in queries], dtype=np.int64)
+        chosen = np.empty((asked, 3), dtype=np.int64)
+
         def search(start: int, end: int) -> None:
             nearest_frames(start, end, bounds, first, second, allowed, found)
 
-        def rank(start: int, end: int) -> list[Match]:
-            alone = self.preselect == "pose_only"
-            return [
-                Match(*choose(queries[i].k, i, first, second, found, error, alone))
-                for i in range(start, end)
-            ]
+        def rank(start: int, end: int) -> None:
+            choose(start, end, ks, first, second, found, error, alone, chosen)
 
-        self._shared(search, count)
-        return [match for part in self._shared(rank, asked) for match in part]
+        self._share(search, count)
+        self._share(rank, asked)
+        return [Match(*values) for values in chosen.tolist()]
 
-    def _shared(self, work: Callable[[int, int], _Result], count: int) -> list[_Result]:
+    def _share(self, work: Callable[[int, int], None], count: int) -> None:
         """Do work on parts of a range, in threads."""
         edges = np.linspace(0, count, min(self.threads, count) + 1).astype(int).tolist()
         if len(edges) == 2:
-            return [work(0, count)]
+            work(0, count)
+            return
         with ThreadPoolExecutor(len(edges) - 1) as pool:
-            return list(pool.map(work, edges[:-1], edges[1:]))
+            list(pool.map(work, edges[:-1], edges[1:]))
 
     def _side(self, is_audio: bool, queries: NDArray[np.float32]) -> Side:
         rows, lengths = self._audio if is_audio else self._pose
