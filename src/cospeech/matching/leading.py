@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cospeech.matching.kernels import Bounds
 
-_COORDINATES = {False: 48, True: 113}
+_COORDINATES = {False: 56, True: 113}
 """Of poses and of audio, whose directions have no axes to spare."""
 
 _PADDED_TO = 16  # starts, so that whole vector registers are worked on
@@ -74,6 +74,11 @@ class LeadingCoordinates:
         """(M, S'): starts of every sequence, padded."""
         count, padded = self._halves.shape
         return count, padded
+
+    @property
+    def nbytes(self) -> int:
+        """What bounds of every row are read from."""
+        return self._coordinates.nbytes + self._halves.nbytes
 
     def bounds(self, queries: NDArray[np.float64]) -> Bounds:
         """What bounds of the distances to ``(B, D)`` queries need.

@@ -99,6 +99,11 @@ class MatchingSearch:
         rows, by = self._audio if self._by_audio else self._pose
         self._leading = LeadingCoordinates(rows, by, self._usable, self._by_audio)
 
+    @property
+    def streamed_bytes(self) -> int:
+        """Bytes that a query reads, and a group of queries together, whatever is then measured."""
+        return self._leading.nbytes
+
     def eligible(self, mask: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
         """``(M, S)``: the windows that a mask leaves, by sequence and first frame."""
         if mask is None:
