@@ -146,6 +146,17 @@ def test_bounds_hold_and_are_narrow(is_audio):
     assert np.median(width + 2 * slack) < 0.02 * np.median(half)
 
 
+def test_one_silent_frame_is_far_from_everything():
+    # A row without a direction is at distance 1, not half of that as its length would have it.
+    database = make_database(12, seed=13)
+    rng = np.random.default_rng(14)
+    database.audio_features[np.arange(12), rng.integers(5, 50, 12)] = 0
+    search = MatchingSearch(database, preselect="audio")
+    every = [random_query(rng, database) for _ in range(20)]
+    every += [query._replace(audio=np.zeros(112, "f4")) for query in every[:10]]
+    assert search.answer(every) == [by_reference(search, query) for query in every]
+
+
 def test_more_candidates_asked_for_than_there_are():
     database = make_database(5)
     search = MatchingSearch(database)

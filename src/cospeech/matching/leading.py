@@ -56,7 +56,7 @@ class LeadingCoordinates:
         blocks = [slice(i, i + _SEQUENCES_AT_ONCE) for i in range(0, count, _SEQUENCES_AT_ONCE)]
         for block in blocks:
             scaled = _scaled(rows[block, :starts], lengths[block])
-            squares = (scaled * scaled).sum(axis=2)
+            squares = self._squares(scaled)
             self._longest = max(self._longest, math.sqrt(float(squares.max())))
             self._halves[block, :starts] = np.where(usable[block], squares / 2, np.inf)
             turned = self._turned(scaled, height)
@@ -94,17 +94,24 @@ class LeadingCoordinates:
             queries = _scaled(queries, np.sqrt((queries * queries).sum(axis=1)))
         height = len(self._scales)
         vectors = -self._turned(queries, height) * self._scales
-        lengths = np.sqrt((queries * queries).sum(axis=1))
+        squares = self._squares(queries)
         rounding = np.abs(vectors).sum(axis=1) / 2
-        slack = rounding + (height + 32) * UNIT_ROUNDOFF * (lengths + self._longest) ** 2
+        slack = rounding + (height + 32) * UNIT_ROUNDOFF * (np.sqrt(squares) + self._longest) ** 2
         return Bounds(
             self._coordinates,
             self._halves,
             vectors.astype(np.float32),
-            (lengths * lengths / 2).astype(np.float32),
+            (squares / 2).astype(np.float32),
             np.nextafter(slack.astype(np.float32), np.float32(np.inf)),
             self._kept,
         )
+
+    def _squares(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Squared lengths; 1 for all audio, so that without a direction the cosine counts as 0."""
+        if self._is_audio:
+            return np.ones(values.shape[:-1])
+        squares: NDArray[np.float64] = (values * values).sum(axis=-1)
+        return squares
 
     def _turned(self, values: NDArray[np.float64], height: int) -> NDArray[np.float64]:
         """Leading coordinates on the last axis, the length of what is left, and zeros."""
