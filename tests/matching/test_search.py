@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech.errors import ConfigError
+from cospeech.matching.leading import LeadingCoordinates
 from cospeech.matching.reference import search_reference
 from cospeech.matching.search import MatchingSearch, Query
 from tests.matching.databases import from_features, make_database
@@ -100,6 +101,60 @@ def test_poses_that_stand_still_and_silence():
     for preselect in ("pose", "audio", "pose_only"):
         search = MatchingSearch(database, preselect=preselect)
         assert search.answer(silent) == [by_reference(search, query) for query in silent]
+
+
+@pytest.mark.parametrize("preselect", ["pose", "audio", "pose_only"])
+def test_orders_that_only_double_precision_tells(preselect):
+    # Rows that differ in a last digit here and there: what is near is near to within rounding.
+    rng = np.random.default_rng(11)
+    features = []
+    for size in (96, 112):
+        rows = np.broadcast_to(rng.normal(size=size).astype("f4"), (60, 64, size)).copy()
+        changed = rng.random(rows.shape) < 0.05
+        rows[changed] = np.nextafter(rows[changed], np.float32(np.inf))
+        features.append(rows)
+    database = from_features(*features)
+    search = MatchingSearch(database, preselect=preselect)
+    # Where nothing is heard exactly: double precision can't tell cosines of nearly 1 either.
+    every = [random_query(rng, database) for _ in range(30)]
+    every = [query._replace(audio=rng.normal(size=112).astype("f4")) for query in every]
+    every += [query._replace(pose=rng.normal(size=96).astype("f4")) for query in every[:10]]
+    expected = [by_reference(search, query) for query in every]
+    assert search.answer(every) == expected
+    assert [search(query) for query in every] == expected
+    assert len({match.sequence for match in expected}) > 10
+
+
+@pytest.mark.parametrize("is_audio", [False, True])
+def test_bounds_hold_and_are_narrow(is_audio):
+    rng = np.random.default_rng(12)
+    turned = rng.normal(size=(30, 20, 96)) * 0.85 ** np.arange(96)
+    rows = (turned @ np.linalg.qr(rng.normal(size=(96, 96)))[0] * 5).astype("f4")
+    by = np.linalg.norm(rows.astype("f8"), axis=2) if is_audio else np.ones((30, 20))
+    leading = LeadingCoordinates(rows, by, np.ones((30, 20), dtype=bool), is_audio)
+    queries = rows[rng.integers(30, size=50), rng.integers(20, size=50)] + rng.normal(size=96)
+    bounds = leading.bounds(queries)
+    coordinates = bounds.coordinates[:, :, :20].astype("f8")
+    sums = np.einsum("bl,mls->bms", bounds.vectors.astype("f8"), coordinates)
+    low = bounds.halves[:, :20] + sums + bounds.offsets[:, None, None]
+    width = -2 * bounds.vectors[:, bounds.rest, None, None] * (coordinates[:, bounds.rest] + 0.5)
+    scaled = queries / np.linalg.norm(queries, axis=1, keepdims=True) if is_audio else queries
+    half = ((rows / by[..., None] - scaled[:, None, None]) ** 2).sum(axis=-1) / 2
+    slack = bounds.slack[:, None, None]
+    assert (low - slack <= half).all()
+    assert (half <= low + width + slack).all()
+    assert np.median(width + 2 * slack) < 0.02 * np.median(half)
+
+
+def test_one_silent_frame_is_far_from_everything():
+    # A row without a direction is at distance 1, not half of that as its length would have it.
+    database = make_database(12, seed=13)
+    rng = np.random.default_rng(14)
+    database.audio_features[np.arange(12), rng.integers(5, 50, 12)] = 0
+    search = MatchingSearch(database, preselect="audio")
+    every = [random_query(rng, database) for _ in range(20)]
+    every += [query._replace(audio=np.zeros(112, "f4")) for query in every[:10]]
+    assert search.answer(every) == [by_reference(search, query) for query in every]
 
 
 def test_more_candidates_asked_for_than_there_are():
