@@ -160,7 +160,7 @@ def test_a_minute_of_a_person(corpus, model, shared, tmp_path):
     ((folder, record),) = command_line.records(tmp_path).items()
     assert record["status"] == "ok"
     assert np.isfinite(record["final"]["recordings"]["fgd"])
-    (wav,) = root.glob("*.wav")
+    wav = sorted(root.glob("*.wav"))[0]
     made = command_line.run(tmp_path, f"run={folder}", f"audio={wav}", script="generate.py")
     assert made.returncode == 0, made.stderr
     positions = np.load(re.search(r"motion: (\S+)", made.stdout)[1])["positions"]

@@ -50,12 +50,17 @@ def generate(cfg: DictConfig) -> Motion:
         found = read_values(to_absolute_path(cfg.controls))
         controls = found if isinstance(found, dict) else {"controls": found}
     started = time.perf_counter()
-    motion = method.generate(
-        speech,
-        speaker=cfg.speaker,
-        controls=controls,
-        generator=torch.Generator().manual_seed(cfg.seed),
-    )
+    try:
+        motion = method.generate(
+            speech,
+            speaker=cfg.speaker,
+            controls=controls,
+            generator=torch.Generator().manual_seed(cfg.seed),
+        )
+    except ConfigError as error:
+        if controls is None:
+            raise
+        raise ConfigError(f"{cfg.controls}: {error.problem}", error.hint) from None
     seconds = time.perf_counter() - started
     folder = Path(cfg.run_dir)
     folder.mkdir(parents=True, exist_ok=True)
