@@ -24,7 +24,7 @@ from cospeech.speech.feature_sets.sphinx import sphinx_features, with_slopes
 from tests.corpora import make_recording, make_store
 from tests.matching.databases import make_database
 
-SPEC = MatchingSpec(chunk_frames=32)
+SPEC = MatchingSpec(chunk_frames=32, true_future=True)
 SETTINGS = PairSettings(frames=32, stride=5, closed_frames=32)
 
 

@@ -39,7 +39,7 @@ class MatchingSpec:
     pose_taps: int = 4
     audio_taps: int = 8
     tap_spacing: int = 2
-    true_future: bool = True
+    true_future: bool = False
 
     def reach(self, taps: int) -> int:
         """Frames from the first tap to the last."""

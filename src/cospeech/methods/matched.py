@@ -245,7 +245,9 @@ class MatchedMethod(GestureMethod):
         self._log_seam("test")
 
     def _log_seam(self, stage: str) -> None:
-        self.log(f"{stage}/seam", self.seam(), sync_dist=True)
+        # Where each step is a seam there is nothing to compare with.
+        if self.matching.step_frames > 1:
+            self.log(f"{stage}/seam", self.seam(), sync_dist=True)
 
     def seam(self) -> float:
         """Median step at seams over the median step inside, of what was validated last."""
