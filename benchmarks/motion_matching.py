@@ -109,8 +109,13 @@ def made_up_database(sequences: int, seed: int = 0) -> MatchingDatabase:
     )
 
 
-def random_queries(database: MatchingDatabase, count: int, k: int, seed: int = 1) -> list[Query]:
-    """Poses of the database, and its audio with noise, so that nothing is heard exactly."""
+def random_queries(
+    database: MatchingDatabase, count: int, largest_k: int, seed: int = 1
+) -> list[Query]:
+    """Poses of the database, and its audio with noise, so that nothing is heard exactly.
+
+    Half of them want the best candidate, half the second to ``largest_k``-th, as training pairs do.
+    """
     rng = np.random.default_rng(seed)
     sequences, frames = database.usable.shape
     queries = []
@@ -119,6 +124,7 @@ def random_queries(database: MatchingDatabase, count: int, k: int, seed: int = 1
         heard = database.audio_features[rng.integers(sequences), rng.integers(frames - STEP_FRAMES)]
         audio = heard + 0.5 * rng.normal(size=len(heard))
         pose = np.array(database.pose_features[standing_on])
+        k = int(rng.integers(2, largest_k + 1)) if largest_k > 1 and rng.random() < 0.5 else 1
         queries.append(Query(pose, audio.astype(np.float32), k, None, standing_on))
     return queries
 
