@@ -30,7 +30,7 @@ def fitted(store, **settings):
 def stages(method, store, speaker=None, seed=0):
     generator = torch.Generator().manual_seed(seed)
     speech = store.speech(Span(5, 0, 90))
-    return method.matcher(speech, None, generator, method.chosen_sequences(speaker, generator))
+    return method.matcher(speech, None, generator, method.closed_sequences(speaker, generator))
 
 
 def test_one_speaker_at_a_time(store):

@@ -51,14 +51,14 @@ class Made(GestureMethod):
         super().__init__()
         self.matcher, self.obeys, self.own = matcher, obeys, own
 
-    def chosen_sequences(self, speaker, generator):
+    def closed_sequences(self, speaker, generator):
         database = self.matcher.database
         return np.flatnonzero(~database.spoken_by(speaker)) if self.own else None
 
     def stages(self, speech, controls, generator, speaker=None):
         assert not self.training
         assert not torch.is_grad_enabled()
-        closed = self.chosen_sequences(speaker, generator)
+        closed = self.closed_sequences(speaker, generator)
         controls = controls if self.obeys else None
         poses = self.matcher(speech, controls, generator, closed).poses
         return {"k-NN": poses, "k-NN + cGAN": (poses + poses.mean(axis=0)) / 2}

@@ -146,7 +146,7 @@ class MatchedMethod(GestureMethod):
     def _refined(self, poses: Tensor, batch: GestureBatch) -> Tensor:
         """What becomes of matched poses ``(B, T, J, 3)`` of a batch."""
 
-    def chosen_sequences(
+    def closed_sequences(
         self, speaker: str | None, generator: torch.Generator
     ) -> NDArray[np.int64] | None:
         """The sequences that aren't used for a speaker; None where all are used."""
@@ -173,7 +173,7 @@ class MatchedMethod(GestureMethod):
             self.speakers[number - 1] if number else None
             for number in batch.require("speakers").tolist()
         ]
-        closed = [self.chosen_sequences(name, generator) for name in names]
+        closed = [self.closed_sequences(name, generator) for name in names]
         found = self.matcher.together(waveforms, self.window.frames, closed, generator)
         poses = torch.from_numpy(np.stack([matched.poses for matched in found]))
         return self._refined(poses.to(self.device), batch)

@@ -97,7 +97,7 @@ class MotionMatching(MatchedMethod):
         speaker: str | None = None,
     ) -> dict[str, NDArray]:
         """The search's output, under its name."""
-        closed = self.chosen_sequences(speaker, generator)
+        closed = self.closed_sequences(speaker, generator)
         return {K_NN: self.matcher(speech, controls, generator, closed).poses}
 
     def _refined(self, poses: Tensor, batch: GestureBatch) -> Tensor:

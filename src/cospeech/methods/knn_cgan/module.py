@@ -312,7 +312,7 @@ class RefinedMotionMatching(MatchedMethod):
         speaker: str | None = None,
     ) -> dict[str, NDArray[np.float32]]:
         """The search's output, and the same refined."""
-        closed = self.chosen_sequences(speaker, generator)
+        closed = self.closed_sequences(speaker, generator)
         matched = self.matcher(speech, controls, generator, closed).poses
         refined = matched
         if len(matched):

@@ -35,7 +35,7 @@ class MakesStages(Protocol):
 
     matcher: MotionMatcher
 
-    def chosen_sequences(
+    def closed_sequences(
         self, speaker: str | None, generator: torch.Generator
     ) -> NDArray[np.int64] | None:
         """The sequences that aren't used for a speaker: the first draw of `stages`."""
@@ -100,7 +100,7 @@ def make_motions(store: Store, method: GestureMethod, split: str, seed: int) -> 
         recording = store.recordings[track.span.recording]
         names.append(recording.id)
         drawn = torch.Generator().manual_seed(1000 * seed + number)
-        closed.append(method.chosen_sequences(recording.speaker, drawn))
+        closed.append(method.closed_sequences(recording.speaker, drawn))
         for quantity in QUANTITIES:
             real[quantity].append(measure(quantity, track.poses, tracks.pose_roles, fps))
         speech = store.speech(track.span)
