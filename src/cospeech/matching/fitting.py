@@ -161,13 +161,14 @@ class _Build:
         }
         digest = content_hash(self.folder, manifest)
         write_json(self.folder / "manifest.json", {**manifest, "hash": digest})
+        unusable = manifest["unusable_frames"]
         logger.info(
-            "matching database: %d sequences, %.1f min; no window starts on %d of %d frames,"
-            " as what follows them isn't known",
+            "matching database: %d sequences, %.1f min%s",
             len(usable),
             usable.size / self.spec.fps / 60,
-            manifest["unusable_frames"],
-            usable.size,
+            f"; no window starts on {unusable} frames, as what follows them isn't known"
+            if unusable
+            else "",
         )
 
     def _words(self) -> tuple[list[str], NDArray[np.int32], NDArray[np.float64]]:
