@@ -220,7 +220,8 @@ def test_every_window_taken_has_what_was_asked_for(search):
         *((0, f) for f in range(23, 36)),
         *((2, f) for f in range(0, 12)),
     }
-    np.testing.assert_array_equal(matched.eligible, made.eligible)
+    counts = [int(search.eligible(mask).sum()) for mask in made.masks]
+    assert made.eligible.tolist() == counts
     # Frame by frame: the first and the last of every window are the poses that were measured.
     heights = matched.poses[:40].reshape(5, 8, 4, 3)[:, [0, 7], 1, 1]
     limit = np.percentile(search.database.poses[:, :, 1, 1], 15)
@@ -234,4 +235,4 @@ def test_what_holds_everywhere_changes_nothing(search):
     held = match(search, Clip(clip.audio, masks=made.masks), seeded())
     assert held.sequences.tolist() == free.sequences.tolist()
     np.testing.assert_array_equal(held.poses, free.poses)
-    assert (held.eligible == free.eligible).all()
+    assert made.eligible.tolist() == [search.eligible().sum()] * 8

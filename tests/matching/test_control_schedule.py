@@ -85,7 +85,6 @@ def test_the_example_of_the_readme_is_read(tmp_path):
         ([{"to_s": math.nan, "where": "speed > 1"}], "control 1, to_s: nan is not a time"),
         ([{"to_s": 10**400, "where": "speed > 1"}], "control 1, to_s: 1000"),
         ([3], "control 1 is 3, not a mapping"),
-        ({"controls": "speed > 1"}, "controls are a list"),
         ({"control": []}, "the controls has a key 'control'; did you mean 'controls'"),
         ({"controls": [], "when_empty": "igno"}, "'igno' is not one of ignore, previous, error"),
         (3, "controls are a list"),
@@ -147,3 +146,9 @@ def test_any_values_are_controls_or_an_error(values):
     except ConfigError:
         return
     assert all(0 <= span.from_s < span.to_s for span in controls.spans)
+
+
+def test_one_expression_is_enough():
+    alone, within = Controls.from_dict("speed > 1"), Controls.from_dict({"controls": "speed > 1"})
+    assert alone == within
+    assert [span.where.text for span in alone.spans] == ["speed > 1"]

@@ -73,6 +73,8 @@ def test_closed_sequences_are_never_used_under_controls_either(database):
 
 
 def test_what_cannot_be_is_refused(database):
+    with pytest.raises(ConfigError, match="steps of 4 frames or more"):
+        MatchingSettings(seam="inertialise", step_frames=2)
     for wrong in ({"preselect": "nose"}, {"seam": "glue"}, {"start_offset": 2}, {"k": 0}):
         with pytest.raises(ConfigError, match=f"model.{next(iter(wrong))}"):
             MatchingSettings(**wrong)
@@ -83,7 +85,7 @@ def test_what_cannot_be_is_refused(database):
 def matched_windows(database, places, step=8):
     rows = [database.poses[m, f : f + step] for m, f in places]
     columns = np.array(places).T
-    return Matched(np.concatenate(rows), *columns, columns[0], columns[0])
+    return Matched(np.concatenate(rows), *columns)
 
 
 def test_a_crossfade_by_hand():
@@ -120,7 +122,8 @@ def test_inertia_keeps_place_and_velocity_and_forgets_the_difference():
     # Where the next window begins, the old velocity of 0.3 m/s still holds.
     np.testing.assert_allclose(steps[step - 1], 0.3, atol=1e-5)
     offset = poses[step:, 0, 0] - 1
-    rate = 2 * np.log(2) / HALF_LIFE_S
+    rate = 1.678347 / HALF_LIFE_S
+    assert (1 + rate * HALF_LIFE_S) * np.exp(-rate * HALF_LIFE_S) == pytest.approx(0.5, abs=1e-6)
     times = np.arange(step) / 15
     start = offset[0]
     np.testing.assert_allclose(

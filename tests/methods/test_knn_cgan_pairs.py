@@ -135,7 +135,7 @@ def test_no_window_finds_its_own_neighbourhood(tracks, database, pairs, tmp_path
     assert own_share(pairs, tracks, database) == 0
     # A search by sound finds a window's own, whose distance is 0, unless it is closed.
     search = MatchingSearch(database, preselect="audio", threads=1)
-    settings = replace(SETTINGS, first_only=True, from_mean_pose=True)
+    settings = replace(SETTINGS, k=1, from_mean_pose=True)
     closing = make_pairs(tracks, search, settings, 0, tmp_path)
     free = make_pairs(tracks, search, replace(settings, closed_frames=None), 0, tmp_path)
     assert own_share(closing, tracks, database) == 0
@@ -185,7 +185,7 @@ def test_half_of_the_windows_take_the_best_candidate(tracks, search, tmp_path):
     expected = len(pairs) / 28
     assert len(others) == 14
     assert ((others - expected) ** 2 / expected).sum() < 34.5  # chi-squared, 13 degrees, 0.1 %
-    only = make_pairs(tracks, search, replace(settings, stride=50, first_only=True), 0, tmp_path)
+    only = make_pairs(tracks, search, replace(settings, stride=50, k=1), 0, tmp_path)
     assert set(only.ks.tolist()) == {1}
 
 
@@ -321,7 +321,7 @@ def test_only_what_is_needed_is_served(store, database, search, tracks, pairs):
 
 @pytest.mark.parametrize("seam", ["crossfade", "inertialise"])
 def test_seams_are_smoothed_as_in_a_synthesis(store, database, search, tracks, tmp_path, seam):
-    settings = replace(SETTINGS, from_mean_pose=True, stride=90, first_only=True)
+    settings = replace(SETTINGS, from_mean_pose=True, stride=90, k=1)
     pairs = make_pairs(tracks, search, settings, 0, tmp_path)
     needs = frozenset({"matched"})
     windows = PairWindows(store, "train", needs, tracks, pairs, database, search.step, seam)

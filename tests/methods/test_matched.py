@@ -106,3 +106,13 @@ def test_the_seam_is_that_of_the_samples(store):
     at_border, inside = zip(*(border_steps(window, 8) for window in poses), strict=True)
     expected = np.median(np.concatenate(at_border)) / np.median(np.concatenate(inside))
     assert method.seam() == pytest.approx(expected)
+
+
+def test_a_store_that_was_moved_is_found_beside(store, tmp_path):
+    method = MotionMatching(store.facts(), chunk_frames=32)
+    (tmp_path / "moved").mkdir()
+    shutil.move(store.path, tmp_path / "moved" / store.path.name)
+    with pytest.raises(CospeechError, match=r"is gone.*\n?.*database=DIR for generate.py"):
+        method.database  # noqa: B018
+    method.look_for_store([tmp_path / "nothing", tmp_path / "moved"])
+    assert len(method.database) > 0

@@ -135,9 +135,9 @@ def test_windows_are_counted_as_the_search_counts_them(store, matcher, obeyed):
     for row in result["controls"]:
         asked = next(asked for asked in ASKED if asked.name == row["name"])
         made = matcher(store.speech(tracks[0].span), asked.controls(), None)
-        assert row["windows"]["mean"] == made.matched.eligible[0] == row["windows"]["fewest"]
+        assert row["windows"]["mean"] == made.plan.eligible[0] == row["windows"]["fewest"]
         assert row["windows"]["of"] == matcher.search.eligible().sum()
-    halves = matcher(store.speech(tracks[0].span), changing(12.0), None).matched.eligible
+    halves = matcher(store.speech(tracks[0].span), changing(12.0), None).plan.eligible
     counts = [windows["mean"] for windows in result["changing"]["windows"]]
     # The first half reaches into step 11 of 23, and not to its middle.
     assert [halves[0], halves[-1]] == counts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from cospeech.errors import ConfigError
 from cospeech.matching.control import read_values
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.matched import MatchedMethod
 from cospeech.motion.motion import Motion
 from cospeech.reporting.files import replacing
 from cospeech.reporting.player import PlayerClip, write_player
@@ -91,5 +93,13 @@ def _method(cfg: DictConfig) -> GestureMethod:
     kind = get_class(values["config"]["model"]["_target_"])
     if not issubclass(kind, GestureMethod):
         raise ConfigError(f"run={cfg.run}: a {values['model']} makes no motion")
-    model = kind.load_from_checkpoint(path, map_location="cpu", weights_only=True)
+    given: dict[str, Any] = {}
+    if cfg.database is not None:
+        if not issubclass(kind, MatchedMethod):
+            raise ConfigError(f"a {values['model']} has no matching database: leave database out")
+        given["database"] = to_absolute_path(cfg.database)
+    model = kind.load_from_checkpoint(path, map_location="cpu", weights_only=True, **given)
+    if isinstance(model, MatchedMethod):
+        # Outputs that were moved have their stores beside their runs still.
+        model.look_for_store(above / "stores" for above in Path(cfg.run).absolute().parents)
     return model.eval()

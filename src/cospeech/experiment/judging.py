@@ -108,6 +108,8 @@ def _study(cfg: DictConfig, folder: Path) -> Any:
     Raises:
         ConfigError: The study is of a run, and none is given.
     """
+    if cfg.split not in ("train", "val", "test"):
+        raise ConfigError(f"split={cfg.split} is not one of train, val, test")
     study = build(cfg.study_task)
     wanted = inspect.signature(study).parameters
     given: dict[str, Any] = {"split": cfg.split, "folder": folder}

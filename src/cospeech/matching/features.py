@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cospeech.errors import ConfigError
 from cospeech.motion.gesture_joints import GestureJoints, gesture_joints
 from cospeech.motion.skeleton import Skeleton
 
@@ -32,6 +33,9 @@ class MatchingSpec:
         true_future: Beyond the end of a sequence, read on in the recording where it goes on (spec
             D, decision 5), and never start a window where it doesn't. Otherwise zeros, as
             published: the features of a sequence's last frames are then partly made up.
+
+    Raises:
+        ConfigError: A length below 1.
     """
 
     fps: float = 15.0
@@ -40,6 +44,11 @@ class MatchingSpec:
     audio_taps: int = 8
     tap_spacing: int = 2
     true_future: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("chunk_frames", "pose_taps", "audio_taps", "tap_spacing"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name}={getattr(self, name)}: must be at least 1")
 
     def reach(self, taps: int) -> int:
         """Frames from the first tap to the last."""

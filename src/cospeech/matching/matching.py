@@ -51,15 +51,11 @@ class Matched:
         poses: ``(F, J, 3)``: the database's poses, one window after the other, unblended.
         sequences: ``(steps,)`` where each window comes from.
         frames: ``(steps,)`` the first frame that was taken.
-        candidates: ``(steps,)`` sequences that had an eligible window.
-        eligible: ``(steps,)`` eligible windows.
     """
 
     poses: NDArray[np.float32]
     sequences: NDArray[np.int64]
     frames: NDArray[np.int64]
-    candidates: NDArray[np.int64]
-    eligible: NDArray[np.int64]
 
 
 def match(
@@ -94,8 +90,7 @@ def match_together(
         CospeechError: A step of a clip has no eligible window, or no frame that it may begin from.
     """
     database, step = search.database, search.step
-    counts: dict[int, int] = {}
-    taken: list[list[tuple[int, int, int, int]]] = [[] for _ in clips]
+    taken: list[list[tuple[int, int]]] = [[] for _ in clips]
     poses = [_first_pose(search, clip, generator) for clip in clips]
     most = max((-(-len(clip.audio) // step) for clip in clips), default=0)
     for number in range(most):
@@ -112,7 +107,8 @@ def match_together(
                     clip.audio[number * step],
                     clip.k,
                     clip.mask(number),
-                    standing,
+                    # The window that would begin with the frame shown last.
+                    None if standing is None else (standing[0], standing[1] - search.start_offset),
                     clip.closed,
                     goes_on,
                 )
@@ -127,10 +123,8 @@ def match_together(
                     f" ({number * step / database.spec.fps:.2f} s)",
                     "loosen that step's controls",
                 )
-            if id(query.mask) not in counts:
-                counts[id(query.mask)] = int(search.eligible(query.mask).sum())
             first = found.frame + search.start_offset
-            taken[i].append((found.sequence, first, found.candidates, counts[id(query.mask)]))
+            taken[i].append((found.sequence, first))
             poses[i] = found.sequence, first + step - 1
     return [_put_together(search, clip, rows) for clip, rows in zip(clips, taken, strict=True)]
 
@@ -151,16 +145,16 @@ def _first_pose(
         held = mask is None or mask[sequence, frame]
         if held and usable[sequence, frame] and open_sequences[sequence]:
             return sequence, frame
-    # So few are open that drawing doesn't find them.
-    open_frames = usable & open_sequences[:, None]
-    places = np.flatnonzero(open_frames if mask is None else open_frames & mask)
+    # So few are open that drawing doesn't find them: the windows themselves are listed.
+    windows = search.eligible(mask) & open_sequences[:, None]
+    places = np.flatnonzero(windows)
     if len(places) == 0:
         raise CospeechError(
             "no frame of the database may be the first pose", "loosen the first step's controls"
         )
     drawn = int(torch.randint(len(places), (), generator=generator))
-    sequence, frame = divmod(int(places[drawn]), usable.shape[1])
-    return sequence, frame
+    sequence, frame = divmod(int(places[drawn]), windows.shape[1])
+    return sequence, frame + search.start_offset
 
 
 def _pose_feature(search: MatchingSearch, standing: tuple[int, int] | None) -> NDArray[np.float32]:
@@ -170,12 +164,9 @@ def _pose_feature(search: MatchingSearch, standing: tuple[int, int] | None) -> N
     return features[standing]
 
 
-def _put_together(
-    search: MatchingSearch, clip: Clip, taken: Sequence[tuple[int, int, int, int]]
-) -> Matched:
-    columns = np.array(taken, dtype=np.int64).reshape(-1, 4).T
-    sequences, frames, candidates, eligible = columns
+def _put_together(search: MatchingSearch, clip: Clip, taken: Sequence[tuple[int, int]]) -> Matched:
+    sequences, frames = np.array(taken, dtype=np.int64).reshape(-1, 2).T
     within = frames[:, None] + np.arange(search.step)
     poses = search.database.poses[sequences[:, None], within]
     poses = poses.reshape(-1, *poses.shape[2:])[: len(clip.audio)]
-    return Matched(poses, sequences, frames, candidates, eligible)
+    return Matched(poses, sequences, frames)

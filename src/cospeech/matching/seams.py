@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -21,6 +20,12 @@ CROSSFADE_FRAMES = 4
 
 HALF_LIFE_S = 0.1
 """In which half of a difference has died away."""
+
+LEAST_INERTIAL_STEP = 4
+"""Frames of a window below which differences would add up from seam to seam."""
+
+_HALVED = 1.678346990016661
+"""Where (1 + x) exp(-x), a critically damped spring let go, is 1/2."""
 
 
 def blended(
@@ -61,7 +66,7 @@ def _crossfaded(matched: Matched, database: MatchingDatabase, step: int) -> NDAr
 def _inertialised(poses: NDArray[np.float32], step: int, fps: float) -> NDArray[np.float32]:
     """A critically damped spring on the offset from what was put out before each seam."""
     smooth = poses.astype(np.float64)
-    stiffness = 2 * math.log(2) / HALF_LIFE_S
+    stiffness = _HALVED / HALF_LIFE_S
     times_s = (np.arange(step) / fps)[:, None, None]
     decay = np.exp(-stiffness * times_s)
     for first in range(step, len(poses), step):

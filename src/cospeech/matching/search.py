@@ -81,7 +81,7 @@ class MatchingSearch:
         if step < 1 or self.starts < 1:
             raise ConfigError(
                 f"windows of {step} frames in sequences of {frames}",
-                f"search in steps of 1 to {frames} frames",
+                f"search in steps of 1 to {frames - start_offset} frames",
             )
         if frames > MOST_STARTS:
             raise ConfigError(

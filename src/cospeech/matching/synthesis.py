@@ -16,7 +16,7 @@ from cospeech.matching.control import ControlPlan, Controls, plan_controls
 from cospeech.matching.database import MatchingDatabase
 from cospeech.matching.matching import Clip, Matched, match_together
 from cospeech.matching.reference import STEP_FRAMES, Preselect
-from cospeech.matching.seams import Seam, blended
+from cospeech.matching.seams import LEAST_INERTIAL_STEP, Seam, blended
 from cospeech.matching.search import MatchingSearch
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 
@@ -57,6 +57,12 @@ class MatchingSettings:
             if value not in choices:
                 known = ", ".join(str(choice) for choice in choices)
                 raise ConfigError(f"model.{name}={value!r} is not one of {known}")
+        if self.seam == "inertialise" and self.step_frames < LEAST_INERTIAL_STEP:
+            raise ConfigError(
+                f"model.seam=inertialise with model.step_frames={self.step_frames}: what dies away"
+                " would never have died away",
+                f"use steps of {LEAST_INERTIAL_STEP} frames or more, or another seam",
+            )
         for name in ("step_frames", "k"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"model.{name}={getattr(self, name)}: must be at least 1")
@@ -151,10 +157,7 @@ class MotionMatcher:
             for wave, shut in zip(waveforms, closed, strict=True)
         ]
         found = self._match(clips, generator)
-        return [
-            Matched(self._blended(one), one.sequences, one.frames, one.candidates, one.eligible)
-            for one in found
-        ]
+        return [Matched(self._blended(one), one.sequences, one.frames) for one in found]
 
     def _heard(self, waveform: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
         if not np.isfinite(waveform).all():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, distributed
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
@@ -86,7 +87,8 @@ class MatchedMethod(GestureMethod):
                     f" corpus's is"
                     f" {database.hash[:12]}",
                     "put the corpus's files back as they were, or name the folder of the old"
-                    " database: load_from_checkpoint(path, database=DIR)",
+                    " database: database=DIR for generate.py, load_from_checkpoint(path,"
+                    " database=DIR) in Python",
                 )
             self._matcher = MotionMatcher(database, self.matching)
         return self._matcher
@@ -104,7 +106,7 @@ class MatchedMethod(GestureMethod):
             raise CospeechError(
                 f"{path}: the prepared corpus is gone, and with it the matching database",
                 "prepare it again (python prepare.py data=NAME), or name the database's folder:"
-                " load_from_checkpoint(path, database=DIR)",
+                " database=DIR for generate.py, load_from_checkpoint(path, database=DIR) in Python",
             )
         store = Store(path)
         if store.fingerprint != self._fingerprint:
@@ -114,6 +116,20 @@ class MatchedMethod(GestureMethod):
                 "prepare the corpus of the run again, or train on this one",
             )
         return fit_database(store, self.spec)
+
+    def look_for_store(self, folders: Iterable[Path]) -> None:
+        """Where the corpus isn't where it was, take the first of the same name in some folders.
+
+        Args:
+            folders: Folders of stores, e.g. those beside a run that was moved with its outputs.
+        """
+        here = Path(self._store)
+        if (here / "manifest.json").is_file():
+            return
+        for folder in folders:
+            if (folder / here.name / "manifest.json").is_file():
+                self._store = str(folder / here.name)
+                return
 
     def on_fit_start(self) -> None:
         """Fit or open the database before the first step, and keep its hash."""
@@ -160,7 +176,7 @@ class MatchedMethod(GestureMethod):
 
     @torch.no_grad()
     def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
-        """One window per item, from a random first pose.
+        """One window per item.
 
         Returns:
             ``(B, 64, 10, 3)``.
@@ -245,11 +261,21 @@ class MatchedMethod(GestureMethod):
         self._log_seam("test")
 
     def _log_seam(self, stage: str) -> None:
-        # Where each step is a seam there is nothing to compare with.
-        if self.matching.step_frames > 1:
-            self.log(f"{stage}/seam", self.seam(), sync_dist=True)
+        self.log(f"{stage}/seam", self.seam(), sync_dist=True)
 
     def seam(self) -> float:
-        """Median step at seams over the median step inside, of what was validated last."""
-        at_border, inside = (np.concatenate(steps) for steps in self._border_steps)
+        """Median step at seams over the median step inside, of what was validated last.
+
+        Of all processes' windows; 1 where there are no seams, or nothing else.
+        """
+        parts: list[Any] = [self._border_steps]
+        if distributed.is_available() and distributed.is_initialized():
+            parts = [None] * distributed.get_world_size()
+            distributed.all_gather_object(parts, self._border_steps)
+        at_border, inside = (
+            np.concatenate([steps for part in parts for steps in part[side]] or [np.empty(0)])
+            for side in (0, 1)
+        )
+        if not len(at_border) or not len(inside):
+            return 1.0
         return float(np.median(at_border) / max(np.median(inside), 1e-9))

@@ -67,7 +67,7 @@ class Criterion:
     _truth: _Truth = field(repr=False, compare=False)
 
     def __call__(self, frames: Frames) -> Mask:
-        """Whether it holds, for every frame; nowhere where a number is infinite or undefined."""
+        """Whether it holds, for every frame; those with no finite number don't."""
         with np.errstate(all="ignore"):
             truth = self._truth(frames)
         return truth if isinstance(truth, np.ndarray) else frames.everywhere(truth)
@@ -160,7 +160,13 @@ class _Translation:
         else:
             first = self._number(left)
             second = self._number(right, (left, first))
-        return lambda frames: order(first(frames), second(frames))
+
+        def truth(frames: Frames) -> Mask:
+            smaller, larger = first(frames), second(frames)
+            held: Mask = order(smaller, larger) & np.isfinite(smaller) & np.isfinite(larger)
+            return held
+
+        return truth
 
     def _phase(self, node: ast.Compare) -> _Truth:
         if len(node.ops) != 1 or not isinstance(node.ops[0], (ast.Eq, ast.NotEq)):

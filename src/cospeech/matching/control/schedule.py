@@ -30,7 +30,8 @@ _WORD_KEYS = ("word", "where")
 _TOP_KEYS = ("controls", "when_empty")
 _EXAMPLES = (
     "an entry is {from_s: 0, to_s: 10, where: left_wrist_height >= p85} with either time left out,"
-    " or {word: big|huge, where: hands_distance > p80} with `where` left out"
+    " or {word: big|huge, where: hands_distance > p80} with `where` left out; inside { } a"
+    " criterion with commas needs quotes"
 )
 
 
@@ -100,6 +101,8 @@ class Controls:
             else:
                 _require_keys("the controls", values, _TOP_KEYS)
                 entries = values.get("controls", [])
+                if isinstance(entries, str):
+                    entries = [{"where": entries}]
                 when_empty = values.get("when_empty", when_empty)
         if when_empty not in get_args(WhenEmpty):
             known = ", ".join(get_args(WhenEmpty))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -54,7 +55,7 @@ class WordPattern:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # that [[ may mean something else some day
-                regex = re.compile(self.text, re.IGNORECASE)
+                regex = re.compile(unicodedata.normalize("NFC", self.text), re.IGNORECASE)
         except (re.error, OverflowError, RecursionError) as error:
             raise ConfigError(
                 f"the pattern of words {self.text!r} is no regular expression: {error}",
@@ -66,6 +67,8 @@ class WordPattern:
         """Whether a word is meant, as it is or without the punctuation around it."""
         if len(word) > 2 * LONGEST_WORD:
             return False
+        # Transcripts of some systems spell an accented letter as two characters.
+        word = unicodedata.normalize("NFC", word)
         forms = {word.strip(), _EDGES.sub("", word)}
         return any(
             0 < len(form) <= LONGEST_WORD and self._regex.fullmatch(form) is not None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 from pathlib import Path
-from typing import ClassVar, Literal, cast
+from typing import ClassVar, Literal, cast, get_args
 
 import numpy as np
 import torch
@@ -154,6 +154,9 @@ class RefinedMotionMatching(MatchedMethod):
         )
         for name, value, least in (
             ("critic_updates", critic_updates, 1),
+            ("generator_width", generator_width, 1),
+            ("pairs_seed", pairs_seed, 0),
+            ("learning_rate", learning_rate, 0),
             ("critic_updates_per_generator", critic_updates_per_generator, 1),
             ("reconstruction_weight", reconstruction_weight, 0),
             ("adversarial_weight", adversarial_weight, 0),
@@ -161,13 +164,16 @@ class RefinedMotionMatching(MatchedMethod):
         ):
             if value < least:
                 raise ConfigError(f"model.{name}={value}: must be at least {least}")
+        if penalty_at not in get_args(PenaltyPoints):
+            known = ", ".join(get_args(PenaltyPoints))
+            raise ConfigError(f"model.penalty_at={penalty_at!r} is not one of {known}")
         if not 0 <= averaging < 1:
             raise ConfigError(f"model.averaging={averaging}: must be from 0 to below 1")
         self.save_hyperparameters(logger=False)
         self.pair_settings = PairSettings(
             frames=self.window.frames,
             stride=pair_stride,
-            first_only=first_candidate_only,
+            k=1 if first_candidate_only else None,
             closed_frames=self.window.frames if exclude_own else None,
             natural_continuation=natural_continuation,
             from_mean_pose=initial_pose == "mean",
@@ -207,6 +213,7 @@ class RefinedMotionMatching(MatchedMethod):
             folder,
             self.matching.seam,
             self.same_speaker,
+            self.matching.k,
         )
 
     def on_train_start(self) -> None:
@@ -256,21 +263,28 @@ class RefinedMotionMatching(MatchedMethod):
         logs: dict[str, Tensor] = {}
 
         critic = self.adversary.own_loss(heard_real, heard_refined)
-        penalty = gradient_penalty(
-            self.adversary.discriminator, heard_real, heard_refined, self.penalty_at
-        )
+        loss = critic
+        if self.penalty_weight > 0:
+            penalty = gradient_penalty(
+                self.adversary.discriminator, heard_real, heard_refined, self.penalty_at
+            )
+            loss = loss + self.penalty_weight * penalty
+            logs["train/penalty"] = penalty
         critic_optimizer.zero_grad()
-        self.manual_backward(critic + self.penalty_weight * penalty)
+        self.manual_backward(loss)
         critic_optimizer.step()
-        logs |= {"train/critic": critic, "train/penalty": penalty}
+        logs["train/critic"] = critic
 
         if moves:
-            adversarial = self.adversary.generator_loss(heard_refined)
+            felt = self.adversary.weight > 0
+            with torch.set_grad_enabled(felt):
+                adversarial = self.adversary.generator_loss(heard_refined)
             reconstruction = reconstruction_loss(matched, refined)
+            loss = self.reconstruction_weight * reconstruction
+            if felt:
+                loss = loss + self.adversary.weight * adversarial
             generator_optimizer.zero_grad()
-            self.manual_backward(
-                self.adversary.weight * adversarial + self.reconstruction_weight * reconstruction
-            )
+            self.manual_backward(loss)
             generator_optimizer.step()
             self._average()
             logs |= {"train/adversarial": adversarial, "train/reconstruction": reconstruction}

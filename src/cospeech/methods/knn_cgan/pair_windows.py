@@ -117,13 +117,9 @@ class PairWindows:
         poses = poses.reshape(len(indices), -1, *poses.shape[3:])[:, : self.spec.frames]
         if self._seam == "cut":
             return poses
-        unknown = np.zeros(sequences.shape[1], dtype=np.int64)
         found = zip(poses, sequences, firsts, strict=True)
         return np.stack(
-            [
-                blended(Matched(*one, unknown, unknown), self._database, self._step, self._seam)
-                for one in found
-            ]
+            [blended(Matched(*one), self._database, self._step, self._seam) for one in found]
         )
 
 
@@ -137,10 +133,11 @@ def open_pair_windows(
     folder: Path | str,
     seam: Seam = "cut",
     same_speaker: bool = False,
+    k: int = 1,
 ) -> PairWindows:
     """Read a split's tracks and match motion to its windows, or open what was matched before.
 
-    Training windows are cut as the settings say; others lie side by side and have the best match.
+    Training windows are cut as the settings say; others lie side by side and have one candidate.
 
     Args:
         store: The corpus.
@@ -152,6 +149,7 @@ def open_pair_windows(
         folder: Where pairs are kept.
         seam: What happens between matched windows.
         same_speaker: Keep windows to the motion of who speaks in them.
+        k: Which candidate the others take.
 
     Raises:
         CospeechError: The split's joints aren't those of the database; see also `make_pairs`.
@@ -167,7 +165,7 @@ def open_pair_windows(
             "prepare those with and without fingers as two corpora",
         )
     tracks = list(reader)
-    settings = settings if split == "train" else settings.for_judging()
+    settings = settings if split == "train" else settings.for_judging(k)
     speakers = None
     if same_speaker:
         speakers = [store.recordings[track.span.recording].speaker for track in tracks]

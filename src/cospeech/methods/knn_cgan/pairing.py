@@ -58,7 +58,7 @@ def make_pairs(
         seed: Draws which candidate each window takes, and its first pose.
         folder: Where pairs are kept, each set in a folder of its own.
         speakers: Who speaks on each track, to whose motion its windows are kept; somebody who isn't
-            in the database gets everybody's. None: everybody gets everybody's.
+            in the database gets one drawn speaker's. None: everybody gets everybody's.
         chunk: Windows that are searched together.
 
     Raises:
@@ -96,10 +96,12 @@ class _Matching:
         draws = np.random.default_rng([seed, 0])
         first = draws.random(len(self.windows)) < settings.first_share
         others = draws.integers(2, settings.largest_k + 1, len(self.windows))
-        first |= settings.first_only
         self.ks = np.where(first, 1, others).astype(np.int32)
+        if settings.k is not None:
+            self.ks[:] = settings.k
         self._searchable: NDArray[np.bool_] = np.logical_or.reduce(search.eligible(), axis=1)
-        self._others = [_others(search.database, name) for name in speakers or ()]
+        draws = np.random.default_rng([seed, 2])
+        self._others = [_others(search.database, name, draws) for name in speakers or ()]
 
     def pairs(self) -> Pairs:
         kept = self._with_a_choice()
@@ -196,10 +198,13 @@ class _Matching:
         )
 
 
-def _others(database: MatchingDatabase, speaker: str) -> NDArray[np.bool_]:
-    """``(M,)`` the sequences of other speakers; none where the speaker has none."""
-    own = database.spoken_by(speaker)
-    return ~own if own.any() else np.zeros_like(own)
+def _others(
+    database: MatchingDatabase, speaker: str, draws: np.random.Generator
+) -> NDArray[np.bool_]:
+    """``(M,)`` the sequences of other speakers; who isn't in the database borrows a body."""
+    names = database.speaker_names
+    drawn = names[int(draws.integers(len(names)))]
+    return ~database.spoken_by(speaker if speaker in names else drawn)
 
 
 def cut_windows(tracks: Sequence[Track], settings: PairSettings) -> NDArray[np.int32]:

@@ -38,7 +38,7 @@ class PairSettings:
         stride: Frames from one window's start to the next.
         first_share: Share of windows that take the best candidate.
         largest_k: The others take one of the second to this one, each as often.
-        first_only: All windows take the best.
+        k: All windows take this candidate; None: as the shares say.
         closed_frames: Sequences of a window's own recording are closed to it up to so many frames
             from its ends. None closes nothing: windows then find their own motion.
         natural_continuation: As in `match_together`.
@@ -52,22 +52,28 @@ class PairSettings:
     stride: int = 5
     first_share: float = 0.5
     largest_k: int = 15
-    first_only: bool = False
+    k: int | None = None
     closed_frames: int | None = 64
     natural_continuation: bool = False
     from_mean_pose: bool = False
 
     def __post_init__(self) -> None:
-        for name, least in (("frames", 1), ("stride", 1), ("largest_k", 2), ("closed_frames", 0)):
+        for name, least in (
+            ("frames", 1),
+            ("stride", 1),
+            ("largest_k", 2),
+            ("k", 1),
+            ("closed_frames", 0),
+        ):
             value = getattr(self, name)
             if value is not None and value < least:
                 raise ConfigError(f"pairs: {name}={value}", f"use {least} or more")
         if not 0 <= self.first_share <= 1:
             raise ConfigError(f"pairs: first_share={self.first_share}", "use a share from 0 to 1")
 
-    def for_judging(self) -> PairSettings:
-        """Windows side by side, best candidates, nothing closed: for splits not in the database."""
-        return replace(self, stride=self.frames, first_only=True, closed_frames=None)
+    def for_judging(self, k: int = 1) -> PairSettings:
+        """Windows side by side, one candidate, nothing closed: for splits not in the database."""
+        return replace(self, stride=self.frames, k=k, closed_frames=None)
 
 
 @dataclass(frozen=True, eq=False)

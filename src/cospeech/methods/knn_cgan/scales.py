@@ -12,6 +12,9 @@ from cospeech.methods.knn_cgan.poses import ParentRelative
 CONSTANT_M = 1e-4
 """A coordinate that varies by less, metres, is no motion: networks see 0, its mean comes out."""
 
+SILENT = 1e-6
+"""Speech channels that vary by less, as those of silence do, are 0 to the networks."""
+
 
 class Scales(nn.Module):
     """One set of statistics, that of real motion, for matched, real and refined poses alike (D 7).
@@ -58,4 +61,6 @@ class Scales(nn.Module):
 
     def speech(self, cepstra: Tensor) -> Tensor:
         """Normalised speech ``(..., C)``."""
-        return (cepstra - self.audio_mean) / (self.audio_deviation + 1e-8)
+        varies = self.audio_deviation > SILENT
+        moved = (cepstra - self.audio_mean) / self.audio_deviation.where(varies, 1.0)
+        return torch.where(varies, moved, 0.0)
