@@ -25,13 +25,15 @@ def run(folder, ablation, seed, **changes):
 
 
 def test_ablations_and_seeds_may_differ():
-    _require_one_study(
-        [
-            run("a", "full", 0),
-            run("b", "full", 1, products_dir="elsewhere"),
-            run("c", "method__no_motion", 0, learning_rate=1e-3),
-        ]
-    )
+    one_study = [
+        run("a", "full", 0),
+        run("b", "full", 1, products_dir="elsewhere"),
+        run("c", "method__no_motion", 0, learning_rate=1e-3),
+    ]
+    _require_one_study(one_study)
+    # All of them were looked at: a twin of the last is refused.
+    with pytest.raises(ConfigError, match="c and d are both no_motion, seed 0"):
+        _require_one_study([*one_study, run("d", "method__no_motion", 0, learning_rate=1e-3)])
 
 
 @pytest.mark.parametrize(

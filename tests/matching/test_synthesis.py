@@ -49,7 +49,7 @@ def test_windows_are_the_databases(database):
 
 
 def test_several_at_once_are_those_one_by_one(database):
-    matcher = MotionMatcher(database, MatchingSettings(mean_pose=True, seam="crossfade"))
+    matcher = MotionMatcher(database, MatchingSettings(initial_pose="mean", seam="crossfade"))
     speeches = [speech_of(4), Speech(speech_of(5).waveform[16_000:])]
     together = matcher.together([s.waveform for s in speeches], 60, [None, [0, 1]])
     for speech, closed, found in zip(speeches, (None, [0, 1]), together, strict=True):
@@ -75,7 +75,13 @@ def test_closed_sequences_are_never_used_under_controls_either(database):
 def test_what_cannot_be_is_refused(database):
     with pytest.raises(ConfigError, match="steps of 4 frames or more"):
         MatchingSettings(seam="inertialise", step_frames=2)
-    for wrong in ({"preselect": "nose"}, {"seam": "glue"}, {"start_offset": 2}, {"k": 0}):
+    for wrong in (
+        {"initial_pose": "rest"},
+        {"preselect": "nose"},
+        {"seam": "glue"},
+        {"start_offset": 2},
+        {"k": 0},
+    ):
         with pytest.raises(ConfigError, match=f"model.{next(iter(wrong))}"):
             MatchingSettings(**wrong)
     with pytest.raises(CospeechError, match="NaN"):

@@ -369,10 +369,8 @@ def test_nothing_to_match(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("frames", 0), ("stride", 0), ("largest_k", 1), ("closed_frames", -1)]
+    ("name", "value"), [("frames", 0), ("stride", 0), ("k", 0), ("closed_frames", -1)]
 )
 def test_settings_out_of_range(name, value):
     with pytest.raises(ConfigError, match=f"{name}={value}"):
         PairSettings(**{name: value})
-    with pytest.raises(ConfigError, match="first_share"):
-        PairSettings(first_share=1.5)

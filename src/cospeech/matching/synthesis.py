@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 import torch
@@ -20,6 +20,8 @@ from cospeech.matching.seams import LEAST_INERTIAL_STEP, Seam, blended
 from cospeech.matching.search import MatchingSearch
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 
+InitialPose = Literal["random", "mean"]
+
 
 @dataclass(frozen=True)
 class MatchingSettings:
@@ -33,7 +35,7 @@ class MatchingSettings:
             that no pose shows twice.
         natural_continuation: The sequence that a window came from offers the window that goes on
             there, instead of its nearest.
-        mean_pose: Begin near the mean pose, not near a random frame.
+        initial_pose: ``"random"``: begin near a random frame; ``"mean"``: near the mean pose.
         seam: What happens between windows.
 
     Raises:
@@ -45,12 +47,13 @@ class MatchingSettings:
     k: int = 1
     start_offset: int = 0
     natural_continuation: bool = False
-    mean_pose: bool = False
+    initial_pose: InitialPose = "random"
     seam: Seam = "cut"
 
     def __post_init__(self) -> None:
         for name, value, choices in (
             ("preselect", self.preselect, get_args(Preselect)),
+            ("initial_pose", self.initial_pose, get_args(InitialPose)),
             ("seam", self.seam, get_args(Seam)),
             ("start_offset", self.start_offset, (0, 1)),
         ):
@@ -175,7 +178,7 @@ class MotionMatcher:
         settings = self.settings
         masks = None if plan is None else plan.masks
         shut = () if closed is None else np.asarray(closed, dtype=np.int64)
-        return Clip(queries, masks, settings.k, shut, settings.mean_pose)
+        return Clip(queries, masks, settings.k, shut, settings.initial_pose == "mean")
 
     def _match(self, clips: Sequence[Clip], generator: torch.Generator | None) -> list[Matched]:
         return match_together(self.search, clips, generator, self.settings.natural_continuation)

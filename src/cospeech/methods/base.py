@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
+from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
 
@@ -90,3 +92,18 @@ class GestureMethod(LightningModule):
     def test_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """As `validation_step`."""
         return self.validation_step(batch, batch_idx)
+
+
+def refuse_unknown(
+    speaker: str | None, speakers: Sequence[str], seed_motion: Motion | None
+) -> None:
+    """What `GestureMethod.generate` refuses where a method continues no motion.
+
+    Raises:
+        CospeechError: A speaker who isn't among the training's, or a seed motion.
+    """
+    if speaker is not None and speaker not in speakers:
+        known = ", ".join(speakers)
+        raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
+    if seed_motion is not None:
+        raise CospeechError("this method can't continue a motion", "leave seed_motion out")

@@ -18,11 +18,11 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.matching.control import Controls
-from cospeech.matching.database import MatchingDatabase, open_database
+from cospeech.matching.database import MatchingDatabase, check_database, open_database
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import fit_database
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
-from cospeech.methods.base import GestureMethod
+from cospeech.methods.base import GestureMethod, refuse_unknown
 from cospeech.metrics.gesture_statistics.movement import border_steps
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
@@ -84,8 +84,7 @@ class MatchedMethod(GestureMethod):
             if self.database_hash.any() and known != database.hash:
                 raise CospeechError(
                     f"this checkpoint was made with matching database {known[:12]}, and the"
-                    f" corpus's is"
-                    f" {database.hash[:12]}",
+                    f" corpus's is {database.hash[:12]}",
                     "put the corpus's files back as they were, or name the folder of the old"
                     " database: database=DIR for generate.py, load_from_checkpoint(path,"
                     " database=DIR) in Python",
@@ -100,6 +99,7 @@ class MatchedMethod(GestureMethod):
 
     def _open(self) -> MatchingDatabase:
         if self._folder is not None:
+            check_database(self._folder)
             return open_database(self._folder)
         path = Path(self._store)
         if not (path / "manifest.json").is_file():
@@ -158,10 +158,6 @@ class MatchedMethod(GestureMethod):
             Name of the stage -> ``(F, J, 3)`` of ``database.pose_roles``, metres, body frame.
         """
 
-    @abstractmethod
-    def _refined(self, poses: Tensor, batch: GestureBatch) -> Tensor:
-        """What becomes of matched poses ``(B, T, J, 3)`` of a batch."""
-
     def closed_sequences(
         self, speaker: str | None, generator: torch.Generator
     ) -> NDArray[np.int64] | None:
@@ -191,8 +187,7 @@ class MatchedMethod(GestureMethod):
         ]
         closed = [self.closed_sequences(name, generator) for name in names]
         found = self.matcher.together(waveforms, self.window.frames, closed, generator)
-        poses = torch.from_numpy(np.stack([matched.poses for matched in found]))
-        return self._refined(poses.to(self.device), batch)
+        return torch.from_numpy(np.stack([matched.poses for matched in found]))
 
     def _upper_body(self, poses: Tensor) -> Tensor:
         return torch.from_numpy(self.database.upper_body(poses.cpu().numpy())).to(self.device)
@@ -221,11 +216,7 @@ class MatchedMethod(GestureMethod):
             CospeechError: An unknown speaker, a seed motion, controls that can't be read, or a
                 waveform with NaN.
         """
-        if speaker is not None and speaker not in self.speakers:
-            known = ", ".join(self.speakers)
-            raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
-        if seed_motion is not None:
-            raise CospeechError("this method can't continue a motion", "leave seed_motion out")
+        refuse_unknown(speaker, self.speakers, seed_motion)
         schedule = None if controls is None else Controls.from_dict(controls)
         generator = generator or torch.Generator().manual_seed(0)
         poses = list(self.stages(speech, schedule, generator, speaker).values())[-1]

@@ -5,7 +5,7 @@ step of the search. The package's README describes the language of criteria.
 """
 
 from cospeech.matching.control.expressions import Criterion, parse_criterion
-from cospeech.matching.control.frames import database_mask, motion_mask
+from cospeech.matching.control.frames import database_mask
 from cospeech.matching.control.planning import ControlPlan, Fallback, plan_controls
 from cospeech.matching.control.quantities import QUANTITIES, Quantity, measure
 from cospeech.matching.control.schedule import (
@@ -29,7 +29,6 @@ __all__ = [
     "WordPattern",
     "database_mask",
     "measure",
-    "motion_mask",
     "parse_criterion",
     "plan_controls",
     "read_controls",

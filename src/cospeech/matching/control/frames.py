@@ -60,34 +60,6 @@ def database_mask(
     return _known(database).mask((criterion.text, step, frames.key), ask)
 
 
-def motion_mask(
-    criterion: Criterion,
-    positions: NDArray[np.floating],
-    roles: Sequence[str],
-    fps: float,
-    database: MatchingDatabase,
-    closed: Closed = None,
-) -> Mask:
-    """Where a criterion holds in motion; percentiles are those of the database.
-
-    Args:
-        criterion: What is asked; of quantities alone.
-        positions: ``(..., T, J, 3)`` in the body frame, metres.
-        roles: What the J joints are.
-        fps: Frames per second.
-        database: Whose percentiles are meant.
-        closed: Sequences that don't count in them.
-
-    Returns:
-        ``(..., T)``.
-
-    Raises:
-        ConfigError: It asks for words or phases, which generated motion doesn't have, or the motion
-            lacks a joint.
-    """
-    return criterion(_MotionFrames(positions, roles, fps, DatabaseFrames(database, closed=closed)))
-
-
 @dataclass(eq=False)
 class _Known:
     """What was computed of one database before."""
@@ -247,28 +219,3 @@ def _marked(
             np.add.at(edges, (sequences, inside[1]), -1)
             at = at + 1
     return edges[:, :frames].cumsum(axis=1) > 0
-
-
-@dataclass(frozen=True, eq=False)
-class _MotionFrames:
-    """Frames of motion."""
-
-    positions: NDArray[np.floating]
-    roles: Sequence[str]
-    fps: float
-    reference: DatabaseFrames
-
-    def quantity(self, name: str) -> Values:
-        return measure(name, self.positions, self.roles, self.fps)
-
-    def percentile(self, of: Number, key: str, percent: float) -> np.float64:
-        return self.reference.percentile(of, key, percent)
-
-    def phases(self) -> NDArray[np.int8]:
-        raise ConfigError("motion has no known phases", "ask for quantities")
-
-    def spoken(self, pattern: WordPattern) -> Mask:
-        raise ConfigError("motion has no words", "ask for quantities")
-
-    def everywhere(self, value: np.bool_) -> Mask:
-        return np.full(self.positions.shape[:-2], value)

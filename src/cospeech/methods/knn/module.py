@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal, cast
+from typing import cast
 
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import nn
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
@@ -15,7 +15,7 @@ from cospeech.matching.control import Controls
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
-from cospeech.matching.synthesis import MatchingSettings
+from cospeech.matching.synthesis import InitialPose, MatchingSettings
 from cospeech.methods.matched import K_NN, MatchedMethod
 from cospeech.speech.speech import Speech
 
@@ -52,7 +52,7 @@ class MotionMatching(MatchedMethod):
         k: int = 1,
         start_offset: int = 0,
         natural_continuation: bool = False,
-        initial_pose: Literal["random", "mean"] = "random",
+        initial_pose: InitialPose = "random",
         seam: Seam = "cut",
         true_future: bool = False,
         chunk_frames: int = 64,
@@ -68,7 +68,7 @@ class MotionMatching(MatchedMethod):
                 k,
                 start_offset,
                 natural_continuation,
-                initial_pose == "mean",
+                initial_pose,
                 seam,
             ),
             same_speaker,
@@ -99,6 +99,3 @@ class MotionMatching(MatchedMethod):
         """The search's output, under its name."""
         closed = self.closed_sequences(speaker, generator)
         return {K_NN: self.matcher(speech, controls, generator, closed).poses}
-
-    def _refined(self, poses: Tensor, batch: GestureBatch) -> Tensor:
-        return poses

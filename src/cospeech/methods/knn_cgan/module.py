@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 from pathlib import Path
-from typing import ClassVar, Literal, cast, get_args
+from typing import ClassVar, cast, get_args
 
 import numpy as np
 import torch
@@ -24,7 +24,7 @@ from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import database_folder
 from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
-from cospeech.matching.synthesis import MatchingSettings
+from cospeech.matching.synthesis import InitialPose, MatchingSettings
 from cospeech.matching.tracks import HEAD_ROLES
 from cospeech.methods.knn_cgan.losses import (
     WASSERSTEIN,
@@ -112,7 +112,7 @@ class RefinedMotionMatching(MatchedMethod):
         k: int = 1,
         start_offset: int = 0,
         natural_continuation: bool = False,
-        initial_pose: Literal["random", "mean"] = "random",
+        initial_pose: InitialPose = "random",
         seam: Seam = "cut",
         true_future: bool = False,
         chunk_frames: int = 64,
@@ -146,7 +146,7 @@ class RefinedMotionMatching(MatchedMethod):
                 k,
                 start_offset,
                 natural_continuation,
-                initial_pose == "mean",
+                initial_pose,
                 seam,
             ),
             same_speaker,
@@ -337,10 +337,7 @@ class RefinedMotionMatching(MatchedMethod):
         return {K_NN: matched, REFINED: refined}
 
     def _sample_poses(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
-        return self._refined(batch.require("matched"), batch)
-
-    def _refined(self, poses: Tensor, batch: GestureBatch) -> Tensor:
-        return self._refine(poses, batch.require("cepstra"))
+        return self._refine(batch.require("matched"), batch.require("cepstra"))
 
     @torch.no_grad()
     def _refine(self, poses: Tensor, cepstra: Tensor) -> Tensor:

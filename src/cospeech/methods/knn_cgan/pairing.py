@@ -30,7 +30,11 @@ from cospeech.progress import progress_bar
 
 logger = logging.getLogger(__name__)
 
-VERSION = 1
+VERSION = 2
+FIRST_SHARE = 0.5
+"""Share of training windows that take the best candidate (section 3.3)."""
+LARGEST_K = 15
+"""The others take one of the second to this one."""
 MEASURED_WINDOWS = 1000
 """Windows searched a second time, with nothing closed, to see how often they find themselves."""
 
@@ -94,8 +98,8 @@ class _Matching:
         self.seed, self.chunk = seed, chunk
         self.windows = cut_windows(tracks, settings)
         draws = np.random.default_rng([seed, 0])
-        first = draws.random(len(self.windows)) < settings.first_share
-        others = draws.integers(2, settings.largest_k + 1, len(self.windows))
+        first = draws.random(len(self.windows)) < FIRST_SHARE
+        others = draws.integers(2, LARGEST_K + 1, len(self.windows))
         self.ks = np.where(first, 1, others).astype(np.int32)
         if settings.k is not None:
             self.ks[:] = settings.k

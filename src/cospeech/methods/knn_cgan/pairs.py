@@ -36,9 +36,8 @@ class PairSettings:
     Attributes:
         frames: Frames per window.
         stride: Frames from one window's start to the next.
-        first_share: Share of windows that take the best candidate.
-        largest_k: The others take one of the second to this one, each as often.
-        k: All windows take this candidate; None: as the shares say.
+        k: All windows take this candidate; None: half of them take the best, the
+            others one of the second to fifteenth, each as often.
         closed_frames: Sequences of a window's own recording are closed to it up to so many frames
             from its ends. None closes nothing: windows then find their own motion.
         natural_continuation: As in `match_together`.
@@ -50,8 +49,6 @@ class PairSettings:
 
     frames: int = 64
     stride: int = 5
-    first_share: float = 0.5
-    largest_k: int = 15
     k: int | None = None
     closed_frames: int | None = 64
     natural_continuation: bool = False
@@ -61,15 +58,12 @@ class PairSettings:
         for name, least in (
             ("frames", 1),
             ("stride", 1),
-            ("largest_k", 2),
             ("k", 1),
             ("closed_frames", 0),
         ):
             value = getattr(self, name)
             if value is not None and value < least:
                 raise ConfigError(f"pairs: {name}={value}", f"use {least} or more")
-        if not 0 <= self.first_share <= 1:
-            raise ConfigError(f"pairs: first_share={self.first_share}", "use a share from 0 to 1")
 
     def for_judging(self, k: int = 1) -> PairSettings:
         """Windows side by side, one candidate, nothing closed: for splits not in the database."""

@@ -12,7 +12,7 @@ from torch import Tensor, distributed
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import CospeechError
-from cospeech.methods.base import GestureMethod
+from cospeech.methods.base import GestureMethod, refuse_unknown
 from cospeech.methods.multi_adversary.adversaries import classified
 from cospeech.methods.multi_adversary.judging import Tally
 from cospeech.methods.multi_adversary.players import Players
@@ -162,11 +162,7 @@ class GeneratesGestures(GestureMethod):
         Raises:
             CospeechError: An unknown speaker, a seed motion, a control, or a waveform with NaN.
         """
-        if speaker is not None and speaker not in self.speakers:
-            known = ", ".join(self.speakers)
-            raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
-        if seed_motion is not None:
-            raise CospeechError("this method can't continue a motion", "leave seed_motion out")
+        refuse_unknown(speaker, self.speakers, seed_motion)
         if controls:
             raise CospeechError(f"this method has no control {', '.join(sorted(controls))}")
         joints = self._joints_of(speech)
