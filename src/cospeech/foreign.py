@@ -1,0 +1,240 @@
+"""The door for files that strangers wrote: bounded bytes, plain values, documented errors.
+
+Nothing here runs or instantiates what a file says. Readers take their bytes and values from here,
+and do the rest inside `understood`, so that whatever a file makes of them, only a `CospeechError`
+that names the file comes out.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import re2
+import yaml
+
+from cospeech.errors import CospeechError, InputFileError
+
+MOST_JSON_BYTES = 32 * 2**20
+"""Python's objects take up to some 25 times the bytes of their JSON."""
+
+MOST_YAML_BYTES = 2**18
+MOST_DIGITS = 30
+"""No number that a file of ours or of a user's needs is longer; Python's integers have no end."""
+
+DEEPEST_YAML = 20
+
+_log = logging.getLogger(__name__)
+_LONG_NUMBER = re.compile(rf"[0-9]{{{MOST_DIGITS + 1}}}")
+_SURROGATE_ESCAPE = re.compile(r"\\u[dD][89a-fA-F]")
+_LONE_SURROGATE = re.compile("[\ud800-\udfff]")
+
+
+@contextmanager
+def understood(path: str | Path, what: str, hint: str | None = None) -> Iterator[None]:
+    """Turn whatever goes wrong inside, while a file is read, into an error about that file.
+
+    Args:
+        path: The file.
+        what: What it should be, with its article: ``"a joint map"``.
+        hint: What to do without it.
+
+    Raises:
+        InputFileError: Anything but a `CospeechError` was raised inside; those come out as they
+            are.
+    """
+    try:
+        yield
+    except CospeechError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error) or type(error).__name__
+        raise InputFileError(path, f"can't be read as {what} ({reason})", hint=hint) from error
+    except (MemoryError, RecursionError) as error:
+        problem = f"is too large or too deep for {what}"
+        raise InputFileError(path, problem, hint=hint) from error
+    except Exception as error:
+        _log.debug("%s is not %s", path, what, exc_info=True)
+        reason = str(error).strip().split("\n", 1)[0][:200]
+        told = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
+        raise InputFileError(path, f"is damaged, or not {what} ({told})", hint=hint) from error
+
+
+def read_bytes(path: str | Path, what: str, most_bytes: int, hint: str | None = None) -> bytes:
+    """A whole file, refused when it is longer than anything of its kind is.
+
+    Args:
+        path: The file.
+        what: What it should be, with its article.
+        most_bytes: Its greatest length.
+        hint: What to do without it.
+
+    Raises:
+        InputFileError: Absent, unreadable, no regular file, or too long.
+    """
+    path = Path(path)
+    with understood(path, what, hint):
+        if path.exists() and not path.is_file():  # a pipe or a device would never end
+            raise InputFileError(path, "is not a file", hint=hint)
+        with path.open("rb") as file:
+            data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        problem = f"too long for {what} (over {most_bytes} bytes)"
+        raise InputFileError(path, problem, hint=hint)
+    return data
+
+
+def read_json(
+    path: str | Path, what: str, most_bytes: int = MOST_JSON_BYTES, hint: str | None = None
+) -> Any:
+    """The values of a JSON file; see `parse_json`.
+
+    Raises:
+        InputFileError: As `read_bytes`, and `parse_json`.
+    """
+    data = read_bytes(path, what, most_bytes, hint)
+    with understood(path, what, hint):
+        text = data.decode("utf-8-sig")
+    return parse_json(path, text, what, hint)
+
+
+def parse_json(path: str | Path, text: str, what: str, hint: str | None = None) -> Any:
+    """The values of a JSON text.
+
+    Half a surrogate pair, which no file can be written with, becomes U+FFFD.
+
+    Raises:
+        InputFileError: No JSON, nested too deep, or a number of more than `MOST_DIGITS` digits.
+    """
+    # A function of ours per integer is slow, and hardly a file has a long one.
+    integer = _integer if _LONG_NUMBER.search(text) else None
+    try:
+        values = json.loads(text, parse_int=integer)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        problem = f"is not valid JSON ({error.msg})"
+        raise InputFileError(path, problem, place, hint) from error
+    except (RecursionError, ValueError) as error:
+        problem = f"is not {what}: nested too deep, or a number too long ({error})"
+        raise InputFileError(path, problem, hint=hint) from error
+    return _without_surrogates(values) if _SURROGATE_ESCAPE.search(text) else values
+
+
+def read_yaml(
+    path: str | Path, what: str, most_bytes: int = MOST_YAML_BYTES, hint: str | None = None
+) -> Any:
+    """The values of a yaml file; see `parse_yaml`.
+
+    Raises:
+        InputFileError: As `read_bytes`, and `parse_yaml`.
+    """
+    data = read_bytes(path, what, most_bytes, hint)
+    with understood(path, what, hint):
+        text = data.decode("utf-8-sig")
+    return parse_yaml(path, text, what, hint)
+
+
+def parse_yaml(path: str | Path, text: str, what: str, hint: str | None = None) -> Any:
+    """The values of a yaml text: mappings, lists, texts, numbers, booleans and nulls.
+
+    Dates stay texts. Aliases, of which a few can stand for billions of entries, are refused.
+
+    Raises:
+        InputFileError: No yaml, with aliases or tags, nested too deep, or a number of more than
+            `MOST_DIGITS` digits.
+    """
+    try:
+        _require_plain(path, text, hint)
+        values = yaml.load(text, _PlainLoader)
+    except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
+        raise InputFileError(path, f"not valid yaml: {error}", hint=hint) from None
+    if _has_long_number(values):
+        problem = f"holds a number of more than {MOST_DIGITS} digits"
+        raise InputFileError(path, problem, hint=hint)
+    return values
+
+
+def linear_pattern(text: str, ignore_case: bool = False) -> Any:
+    """A regular expression whose search takes time in proportion to the text, whatever it says.
+
+    RE2 knows neither look-around nor references back to a group.
+
+    Returns:
+        A compiled pattern with the methods of `re.Pattern`.
+
+    Raises:
+        CospeechError: It is no such expression.
+    """
+    options = re2.Options()
+    options.log_errors = False
+    options.case_sensitive = not ignore_case
+    try:
+        return re2.compile(text, options)
+    except (re2.error, ValueError, OverflowError, UnicodeError) as error:
+        reason = error.args[0] if error.args else error
+        told = reason.decode("utf-8", "replace") if isinstance(reason, bytes) else str(reason)
+        raise CospeechError(
+            f"{text[:200]!r} is no regular expression that is taken here: {told[:200]}",
+            "look-around ((?=...), (?<!...)) and references (\\1) are not known",
+        ) from None
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """yaml without dates and merge keys."""
+
+
+_LEFT_OUT = ("timestamp", "merge", "value")
+_PlainLoader.yaml_implicit_resolvers = {
+    first: [(tag, regex) for tag, regex in resolvers if tag.rpartition(":")[2] not in _LEFT_OUT]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+
+_OPENING = (
+    yaml.FlowSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.BlockMappingStartToken,
+)
+_CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndToken)
+
+
+def _require_plain(path: str | Path, text: str, hint: str | None) -> None:
+    depth = 0
+    for token in yaml.scan(text):
+        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+        place = f"line {token.start_mark.line + 1}"
+        if isinstance(token, yaml.AliasToken):
+            raise InputFileError(path, "has yaml aliases (*name)", place, "write them out")
+        if isinstance(token, yaml.TagToken):
+            raise InputFileError(path, "has a yaml tag (!name)", place, "leave it out")
+        if depth > DEEPEST_YAML:
+            raise InputFileError(path, f"nested more than {DEEPEST_YAML} deep", place, hint)
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise ValueError(f"{digits[:10]}... has {len(digits)} digits")
+    return int(digits)
+
+
+def _has_long_number(value: Any) -> bool:
+    if isinstance(value, dict):
+        return any(_has_long_number(item) for pair in value.items() for item in pair)
+    if isinstance(value, list | tuple):
+        return any(_has_long_number(item) for item in value)
+    return isinstance(value, int) and abs(value) >= 10**MOST_DIGITS
+
+
+def _without_surrogates(value: Any) -> Any:
+    if isinstance(value, str):
+        return _LONE_SURROGATE.sub("\ufffd", value)
+    if isinstance(value, list):
+        return [_without_surrogates(item) for item in value]
+    if isinstance(value, dict):
+        return {_without_surrogates(key): _without_surrogates(v) for key, v in value.items()}
+    return value

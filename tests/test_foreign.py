@@ -1,0 +1,103 @@
+"""The door for foreign files: what it gives, and that nothing but documented errors comes out."""
+
+import os
+import time
+
+import pytest
+
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.foreign import (
+    linear_pattern,
+    parse_json,
+    parse_yaml,
+    read_bytes,
+    read_json,
+    understood,
+)
+
+
+@pytest.mark.parametrize(
+    "error", [ValueError("x"), IndexError(), OverflowError(), RecursionError(), MemoryError()]
+)
+def test_whatever_is_raised_inside_names_the_file(error: Exception) -> None:
+    with (
+        pytest.raises(InputFileError, match=r"some\.file.*a joint map"),
+        understood("some.file", "a joint map"),
+    ):
+        raise error
+
+
+def test_our_own_errors_and_a_stop_by_the_user_come_out_as_they_are() -> None:
+    mine = CospeechError("mine")
+    with pytest.raises(CospeechError) as caught, understood("f", "x"):
+        raise mine
+    assert caught.value is mine
+    with pytest.raises(KeyboardInterrupt), understood("f", "x"):
+        raise KeyboardInterrupt
+
+
+def test_files_that_never_end_and_long_ones_are_refused(tmp_path) -> None:
+    with pytest.raises(InputFileError, match="is not a file"):
+        read_bytes("/dev/zero", "a record", 10)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputFileError, match="is not a file"):
+        read_bytes(tmp_path / "pipe", "a record", 10)
+    (tmp_path / "long").write_bytes(b"x" * 11)
+    with pytest.raises(InputFileError, match="too long for a record"):
+        read_bytes(tmp_path / "long", "a record", 10)
+    assert read_bytes(tmp_path / "long", "a record", 11) == b"x" * 11
+    with pytest.raises(InputFileError, match="No such file"):
+        read_bytes(tmp_path / "absent", "a record", 10)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "1" * 400, "1" * 5000, "-" + "9" * 31])
+def test_json_that_is_refused(text: str) -> None:
+    with pytest.raises(InputFileError, match=r"a\.json"):
+        parse_json("a.json", text, "a record")
+
+
+def test_json_values(tmp_path) -> None:
+    assert parse_json("a", '{"a": ["\\ud800x", 1.5, null]}', "x") == {"a": ["\ufffdx", 1.5, None]}
+    assert parse_json("a", '"\\ud83d\\ude00"', "x") == "\U0001f600"
+    long_text = "1" * 64
+    assert parse_json("a", f'["{long_text}", 0.{long_text}]', "x")[0] == long_text
+    (tmp_path / "b.json").write_bytes(b"\xef\xbb\xbf[1]")
+    assert read_json(tmp_path / "b.json", "x") == [1]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &x [1]\nb: *x",
+        "a: !!python/object/apply:os.system [ls]",
+        "a: !!timestamp 2001-99-99",
+        "[" * 50,
+        "a: " + "9" * 400,
+        "a: " + ":".join(["1"] * 200),
+        "a: b: c",
+        "\x00",
+    ],
+)
+def test_yaml_that_is_refused(text: str) -> None:
+    with pytest.raises(InputFileError, match=r"a\.yaml"):
+        parse_yaml("a.yaml", text, "a joint map")
+
+
+def test_yaml_values() -> None:
+    values = parse_yaml("a", "a: [1, 2.5, yes, null, 2021-13-40]\n<<: x", "x")
+    assert values == {"a": [1, 2.5, True, None, "2021-13-40"], "<<": "x"}
+
+
+def test_patterns_take_time_in_proportion_to_the_text() -> None:
+    started = time.process_time()
+    assert linear_pattern("(a*)*b").fullmatch("a" * 20_000) is None
+    assert linear_pattern("(|a|a)" * 30).search("b" * 1000) is not None
+    assert time.process_time() - started < 5  # a backtracking engine needs longer than the universe
+    assert linear_pattern(r"_(?P<speaker>[a-z]+)_").search("2_scott_0")["speaker"] == "scott"
+    assert linear_pattern("É|x", ignore_case=True).fullmatch("é") is not None
+
+
+@pytest.mark.parametrize("text", ["(", r"(a)\1", "(?=a)", "a{100000}", "[z-a]"])
+def test_patterns_that_are_refused(text: str) -> None:
+    with pytest.raises(CospeechError, match="no regular expression"):
+        linear_pattern(text)
