@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.motion import bvh as bvh_module
+from cospeech.motion import bvh_rows
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton, write_bvh
 from cospeech.motion.bvh_hierarchy import MAX_DEPTH, MAX_JOINTS
 from cospeech.motion.kinematics import skeleton_positions
@@ -291,10 +292,10 @@ def test_deep_nesting_and_many_joints_are_bounded():
 def test_size_is_checked_before_memory_is_taken(tmp_path, monkeypatch):
     path = tmp_path / "big.bvh"
     path.write_text(text())
-    monkeypatch.setattr(bvh_module, "MAX_FILE_BYTES", 100)
+    monkeypatch.setattr(bvh_rows, "MAX_FILE_BYTES", 100)
     with pytest.raises(InputFileError, match="more than a BVH file may have"):
         read_bvh(path)
-    monkeypatch.setattr(bvh_module, "MAX_FILE_BYTES", 2**30)
+    monkeypatch.setattr(bvh_rows, "MAX_FILE_BYTES", 2**30)
     monkeypatch.setattr(bvh_module, "MAX_JOINT_FRAMES", 8)
     with pytest.raises(InputFileError, match="3 frames of 3 joints are more than"):
         read_bvh(path)

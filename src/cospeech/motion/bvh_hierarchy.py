@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Iterator
@@ -15,7 +16,9 @@ from cospeech.motion.skeleton import Skeleton
 
 MAX_JOINTS = 4096
 MAX_DEPTH = 512
+MAX_NAME = 200
 MAX_OFFSET = 1e7
+_CHANNEL_COUNTS = {str(count): count for count in range(7)}
 _CHANNEL = re.compile(r"([XYZ])(position|rotation)", re.IGNORECASE)
 
 
@@ -61,44 +64,48 @@ class _Reader:
 
     def __init__(self, text: str, path: Path) -> None:
         self.path = path
-        self._lines = list(self._split(text))
-        self._row = 0
+        self.line = 1
+        """Number of the line of the next word, or of the last one."""
+        self._lines = self._split(text)
+        self._words: list[str] = []
         self._column = 0
+        self._next_line()
 
     @staticmethod
     def _split(text: str) -> Iterator[tuple[int, list[str]]]:
-        for number, line in enumerate(text.split("\n"), start=1):
+        for number, line in enumerate(io.StringIO(text, newline="\n"), start=1):
             words = line.replace("{", " { ").replace("}", " } ").split()
             if words:
                 yield number, words
 
-    @property
-    def line(self) -> int:
-        """Number of the line of the next word."""
-        return self._lines[min(self._row, len(self._lines) - 1)][0] if self._lines else 1
+    def _next_line(self) -> None:
+        self.line, self._words = next(self._lines, (self.line, []))
+        self._column = 0
 
     def error(self, problem: str, line: int | None = None) -> InputFileError:
-        return InputFileError(self.path, problem, place=f"line {line or self.line}")
+        shown = problem if len(problem) <= MAX_NAME + 100 else f"{problem[:MAX_NAME]} ..."
+        return InputFileError(self.path, shown, place=f"line {line or self.line}")
 
     def word(self) -> str | None:
         """The next word, None at the end."""
-        if self._row >= len(self._lines):
+        if not self._words:
             return None
-        words = self._lines[self._row][1]
-        word = words[self._column]
+        word = self._words[self._column]
         self._column += 1
-        if self._column == len(words):
-            self._row, self._column = self._row + 1, 0
+        if self._column == len(self._words):
+            self._next_line()
         return word
 
     def rest_of_name(self) -> str:
         """The words up to the end of the line or a brace, joined by spaces."""
         name: list[str] = []
-        row = self._row
-        while self._row == row and self._column > 0:
-            if self._lines[row][1][self._column] in "{}":
+        line = self.line
+        while self.line == line and self._column > 0:
+            if self._words[self._column] in "{}":
                 break
             name.append(self.word() or "")
+        if sum(map(len, name)) > MAX_NAME:
+            raise self.error(f"a name of more than {MAX_NAME} characters", line)
         return " ".join(name)
 
     def numbers(self, count: int, what: str) -> tuple[float, ...]:
@@ -198,10 +205,10 @@ def _open(joint: _Joint, reader: _Reader, joints: list[_Joint], open_joints: lis
 
 def _channels(reader: _Reader) -> tuple[str, ...]:
     line, word = reader.line, reader.word() or ""
-    if not word.isdecimal() or int(word) > 6:
+    if word not in _CHANNEL_COUNTS:
         raise reader.error(f"CHANNELS {word}: expected a count from 0 to 6", line)
     channels = []
-    for _ in range(int(word)):
+    for _ in range(_CHANNEL_COUNTS[word]):
         name = reader.word() or ""
         match = _CHANNEL.fullmatch(name)
         if match is None:
