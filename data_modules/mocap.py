@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cospeech.corpus.source import Source
+from cospeech.errors import ConfigError
 from cospeech.formats.mocap import (
     MissingAudio,
     Take,
@@ -18,8 +19,13 @@ from cospeech.formats.mocap import (
     take_sources,
     with_split_list,
 )
+from cospeech.motion.bvh import UP_AXES, UpAxis
 from cospeech.motion.joint_map import JointMap, load_joint_map
+from cospeech.motion.joint_map_values import UNIT_SCALES
 from data_modules.base import StoreDataModule
+
+FRAME_RATES = (0.1, 1000.0)
+"""Frames per second that motion can be kept at."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -31,17 +37,31 @@ class MocapCorpus(StoreDataModule):
         missing_audio: Motion without audio: ``"skip"`` it, read it with ``"silence"``, or
             ``"auto"``: with silence where there is no audio at all.
         frame_rate: Frames per second of all BVH rows, for files whose header is wrong.
+        unit_scale: Metres per unit of the BVH files; None: by the joint map.
+        up_axis: Vertical axis of the BVH files: ``"y"`` or ``"z"``.
         joint_map: Name of a packaged joint map or path of a yaml, for skeletons whose joint names
             aren't known; None: found by the names.
         split_list: Splits to use in the place of the corpus's own
             (`cospeech.formats.mocap.read_split_list`), with ``split="published"``.
+
+    Raises:
+        ConfigError: ``frame_rate`` or ``unit_scale`` is no usable number, or ``up_axis`` no axis.
     """
 
     root: str
     missing_audio: MissingAudio = "skip"
     frame_rate: float | None
+    unit_scale: float | None = None
+    up_axis: UpAxis = "y"
     joint_map: str | None
     split_list: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_number("frame_rate", self.frame_rate, FRAME_RATES, "frames per second")
+        _refuse_number("unit_scale", self.unit_scale, UNIT_SCALES, "metres per unit of the files")
+        if self.up_axis not in UP_AXES:
+            raise ConfigError(f"data.up_axis={self.up_axis}: choose one of {', '.join(UP_AXES)}")
 
     def evaluation_joints(self) -> JointMap | None:
         """The user's choice, if any."""
@@ -58,7 +78,13 @@ class MocapCorpus(StoreDataModule):
             takes = with_split_list(takes, self.split_list)
         if self.split == "published":
             takes = leave_out_unsplit(takes)
-        return take_sources(takes, frame_rate=self.frame_rate, joint_map=self.evaluation_joints())
+        return take_sources(
+            takes,
+            frame_rate=self.frame_rate,
+            unit_scale=self.unit_scale,
+            up_axis=self.up_axis,
+            joint_map=self.evaluation_joints(),
+        )
 
     def settings(self) -> dict[str, Any]:
         """The corpus's own settings; what tables and joint maps say is known by themselves."""
@@ -90,3 +116,12 @@ class MocapData(MocapCorpus):
         """Files of equal stems below the folder."""
         takes = find_takes(self.root, speaker=self.speaker, missing_audio=self.missing_audio)
         return [replace(take, licence=self.licence) for take in takes]
+
+
+def _refuse_number(name: str, value: Any, between: tuple[float, float], what: str) -> None:
+    """Raise a `ConfigError` for a setting that is neither null nor a number in its range."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value is not None and not (number and between[0] <= value <= between[1]):
+        raise ConfigError(
+            f"data.{name}={value}: {what}, a number from {between[0]:g} to {between[1]:g}, or null"
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
 from cospeech.errors import CospeechError
+from cospeech.motion.bvh import UP_AXES
 from cospeech.motion.joint_map import load_joint_map
 
 
@@ -31,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         checkup = check_path(
             given.path,
             layout=given.layout,
-            settings=Settings(joint_map, given.frame_rate),
+            settings=Settings(joint_map, given.frame_rate, given.unit_scale, given.up_axis),
             limit=given.limit,
             by_speakers=given.by_speakers,
             workers=given.workers,
@@ -63,7 +65,13 @@ def _parser() -> argparse.ArgumentParser:
         "--by-speakers", action="store_true", help="held-out splits must have speakers of their own"
     )
     doctor.add_argument("--joint-map", metavar="MAP", help="name or yaml of a joint map")
-    doctor.add_argument("--frame-rate", type=float, metavar="FPS", help="true rate of BVH rows")
+    doctor.add_argument("--frame-rate", type=_above_zero, metavar="FPS", help="rate of BVH rows")
+    doctor.add_argument(
+        "--unit-scale", type=_above_zero, metavar="METRES", help="metres per unit of BVH files"
+    )
+    doctor.add_argument(
+        "--up-axis", choices=UP_AXES, default="y", help="vertical axis of BVH files"
+    )
     doctor.add_argument("--workers", type=_positive, metavar="N", help="processes (one per core)")
     doctor.add_argument("--json", type=Path, metavar="FILE", help="write all findings there")
     return parser
@@ -73,6 +81,13 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError("at least 1")
+    return value
+
+
+def _above_zero(text: str) -> float:
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError("a number above 0")
     return value
 
 

@@ -6,7 +6,7 @@ Nothing here imports torch, so that a worker process starts in a second.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Dropped, Source
 from cospeech.errors import CospeechError
-from cospeech.motion.joint_map import JointMap
+from cospeech.motion.joint_map import JointMap, find_joint_map
 from cospeech.motion.motion import resample_positions
 from cospeech.motion.upper_body import to_upper_body
 from cospeech.speech.speech import Speech, Word
@@ -144,8 +144,11 @@ def pack(
         "interlocutor_audio": _quantised(recording.interlocutor),
         "interlocutor_words": other_words,
     }
+    skeleton = motion.skeleton
     if upper_body:
-        upper = to_upper_body(motion, joint_map).positions
+        chosen = joint_map or find_joint_map(skeleton)
+        skeleton = replace(skeleton, joint_map=chosen)
+        upper = to_upper_body(motion, chosen).positions
         resampled = resample_positions(upper, motion.fps, EVALUATION_FPS)
         arrays["upper_body"] = resampled.reshape(-1, 30)
     if recording.phases is not None:
@@ -172,7 +175,7 @@ def pack(
             else {"fps": windows.fps, "frames": windows.frames, "stride": windows.stride},
             "dropped_windows": {} if windows is None else dict(windows.dropped),
         },
-        skeleton=motion.skeleton.to_dict(),
+        skeleton=skeleton.to_dict(),
         texts=texts,
         interlocutor_texts=other_texts,
         annotations={"id": recording.id, **recording.annotations},

@@ -46,7 +46,7 @@ __all__ = ["EVALUATION_FPS", "SCHEMA_VERSION", "Store"]
 
 logger = logging.getLogger(__name__)
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 class Store:

@@ -252,9 +252,9 @@ class StoreWriter:
 
 
 def _index_of(skeleton: dict[str, Any], known: list[dict[str, Any]]) -> int:
-    """Index of the skeleton with the same joints and parents; appended when it is new."""
+    """Index of the skeleton with the same joints and joint map; appended when it is new."""
     for i, other in enumerate(known):
-        if other["joints"] == skeleton["joints"] and other["parents"] == skeleton["parents"]:
+        if all(other[key] == skeleton[key] for key in ("joints", "parents", "joint_map")):
             return i
     known.append(skeleton)
     return len(known) - 1

@@ -79,7 +79,9 @@ def check_units(body: Body, files: Files) -> list[Finding]:
             " 0.01)"
         )
     else:
-        step = f"scale by {1 / body.scale:.3g}; no usual unit fits"
+        step = (
+            f"multiply the unit scale (data.unit_scale) by {1 / body.scale:.3g}; no usual unit fits"
+        )
     return [Finding(Check.UNITS, Severity.ERROR, files.motion, None, problem, step)]
 
 
@@ -105,7 +107,7 @@ def check_vertical(body: Body, files: Files) -> list[Finding]:
         ]
     steps = {
         "-y": "y points down: turn the sign of y and of one more axis (keep left and right)",
-        "+z": "z is up: export with y up, or turn by -90 degrees about x: (x, y, z) to (x, z, -y)",
+        "+z": "z is up: read BVH files with data.up_axis=z, or export with y up",
     }
     return [
         Finding(

@@ -20,6 +20,7 @@ from cospeech.doctor.lengths import Lengths, check_lengths
 from cospeech.doctor.words import check_words_end
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap import Take, read_take
+from cospeech.motion.bvh import UpAxis
 from cospeech.motion.joint_map import JointMap
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.transcript import read_transcript_with_timing
@@ -42,10 +43,14 @@ class Settings:
     Attributes:
         joint_map: Where the evaluation joints are; None: found by the joints' names.
         frame_rate: Frames per second of BVH rows, where the headers are wrong.
+        unit_scale: Metres per unit of BVH files; None: by the joint map.
+        up_axis: Vertical axis of BVH files.
     """
 
     joint_map: JointMap | None = None
     frame_rate: float | None = None
+    unit_scale: float | None = None
+    up_axis: UpAxis = "y"
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,13 @@ def read_one_take(take: Take, settings: Settings) -> Read:
     if lengths is not None:
         findings += check_lengths(lengths, files)
     try:
-        recording = read_take(take, frame_rate=settings.frame_rate, joint_map=settings.joint_map)
+        recording = read_take(
+            take,
+            frame_rate=settings.frame_rate,
+            unit_scale=settings.unit_scale,
+            up_axis=settings.up_axis,
+            joint_map=settings.joint_map,
+        )
     except CospeechError as error:
         # Lengths that can't belong together are what the reader stops at.
         if not any(finding.check in (Check.LENGTHS, Check.DRIFT) for finding in findings):

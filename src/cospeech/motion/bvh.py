@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cospeech.errors import InputFileError
 from cospeech.motion.bvh_hierarchy import Hierarchy, parse_hierarchy
 from cospeech.motion.bvh_rate import checked_rate
-from cospeech.motion.bvh_rows import MAX_HEADER_BYTES, BvhText, Rows, decoded, opened
+from cospeech.motion.bvh_rows import MAX_HEADER_BYTES, Rows, decoded, opened
 from cospeech.motion.bvh_writer import write_bvh
 from cospeech.motion.kinematics import (
     euler_to_quaternion,

@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cospeech.motion.joint_map_values import JointMap
+
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
@@ -20,6 +22,8 @@ class Skeleton:
         offsets: Rest offset of each joint from its parent, metres, house axes, shape ``(J, 3)``;
             None where only positions are known.
         end_sites: Joints that carry no rotation of their own (BVH end sites).
+        joint_map: Where the evaluation joints are, as it was chosen when the motion was read; None
+            where it is found by the joints' names (`cospeech.motion.joint_map.find_joint_map`).
 
     Raises:
         ValueError: Names repeat, a parent comes after its child, or the shapes disagree.
@@ -30,6 +34,7 @@ class Skeleton:
     parents: tuple[int, ...]
     offsets: NDArray[np.float64] | None = None
     end_sites: frozenset[str] = frozenset()
+    joint_map: JointMap | None = None
 
     def __post_init__(self) -> None:
         if len(set(self.joints)) != len(self.joints):
@@ -77,16 +82,22 @@ class Skeleton:
             "parents": list(self.parents),
             "offsets": None if self.offsets is None else self.offsets.tolist(),
             "end_sites": sorted(self.end_sites),
+            "joint_map": None if self.joint_map is None else self.joint_map.to_dict(),
         }
 
     @classmethod
     def from_dict(cls, values: dict) -> Skeleton:
-        """The skeleton that `to_dict` wrote."""
-        offsets = values["offsets"]
+        """The skeleton that `to_dict` wrote.
+
+        Raises:
+            InputFileError: Its joint map is none.
+        """
+        offsets, joint_map = values["offsets"], values.get("joint_map")
         return cls(
             name=values["name"],
             joints=tuple(values["joints"]),
             parents=tuple(values["parents"]),
             offsets=None if offsets is None else np.asarray(offsets, dtype=np.float64),
             end_sites=frozenset(values["end_sites"]),
+            joint_map=None if joint_map is None else JointMap.from_dict(joint_map),
         )

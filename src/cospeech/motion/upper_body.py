@@ -14,6 +14,7 @@ from cospeech.motion.joint_map import (
     bare_names,
     find_joint_map,
     load_joint_map,
+    refuse_missing_joints,
 )
 from cospeech.motion.kinematics import (
     heading_angles,
@@ -57,7 +58,7 @@ def to_upper_body(motion: Motion, joint_map: JointMap | None = None) -> Motion:
 
     Args:
         motion: Any skeleton that has a joint map, in house axes.
-        joint_map: Where the ten joints are; found by the joints' names when None.
+        joint_map: Where the ten joints are; by the skeleton (`find_joint_map`) when None.
 
     Returns:
         The same frames on `UPPER_BODY`: positions ``(T, 10, 3)`` float32, no rotations.
@@ -71,12 +72,7 @@ def to_upper_body(motion: Motion, joint_map: JointMap | None = None) -> Motion:
     if joint_map is None:
         joint_map = find_joint_map(motion.skeleton)
     names = bare_names(motion.skeleton)
-    if missing := sorted(joint_map.required - set(names)):
-        raise CospeechError(
-            f"joint map {joint_map.name} needs {', '.join(missing)}; skeleton"
-            f" {motion.skeleton.name!r} has {', '.join(motion.skeleton.joints)}",
-            hint="choose another joint map (data.joint_map), or write one for this skeleton",
-        )
+    refuse_missing_joints(joint_map, motion.skeleton)
     points = _points(motion, joint_map, names)
     points -= points[:, :1].copy()
     if joint_map.hips is not None:
@@ -145,7 +141,8 @@ def doubts_about(upper_body: Motion) -> list[str]:
     up = mean["head"] - mean["spine"]
     if up[1] < 0.7 * np.linalg.norm(up):
         doubts.append(
-            "the head is not above the spine: the file's vertical may not be +y (z up, or y down)"
+            "the head is not above the spine: the vertical may not be y (data.up_axis=z reads files"
+            " whose vertical is z)"
         )
     elif (mean["left_shoulder"] - mean["right_shoulder"])[0] <= 0:
         doubts.append("the left shoulder is not on the left: left and right may be exchanged")
@@ -156,7 +153,7 @@ def doubts_about(upper_body: Motion) -> list[str]:
     length = float(np.linalg.norm(arm, axis=1).mean())
     if not 0.12 < length < 0.6:
         doubts.append(
-            f"the upper arm is {length:.3g} m long: unit_scale is probably wrong (a person's is"
-            " about 0.3 m)"
+            f"the upper arm is {length:.3g} m long, a person's about 0.3 m: set data.unit_scale,"
+            " metres per unit of the BVH file (1 for metres, 0.01 for centimetres)"
         )
     return doubts

@@ -17,7 +17,7 @@ from cospeech.corpus.source import Dropped, Source
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap.takes import Take, Voice
 from cospeech.formats.phase_files import read_phases
-from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
+from cospeech.motion.bvh import UpAxis, read_bvh, read_bvh_skeleton
 from cospeech.motion.joint_map import JointMap, find_joint_map
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import frame_phases
@@ -39,6 +39,7 @@ def take_sources(
     *,
     frame_rate: float | None = None,
     unit_scale: float | None = None,
+    up_axis: UpAxis = "y",
     joint_map: JointMap | None = None,
     licence: str = "",
 ) -> list[Source]:
@@ -48,6 +49,7 @@ def take_sources(
         takes: Of `find_takes` or of a corpus's own finder.
         frame_rate: As for `read_take`, as the others.
         unit_scale: Metres per BVH unit.
+        up_axis: The vertical of the BVH files.
         joint_map: Where the evaluation joints are.
         licence: Licence of takes that have none of their own.
     """
@@ -59,6 +61,7 @@ def take_sources(
                 take,
                 frame_rate=frame_rate,
                 unit_scale=unit_scale,
+                up_axis=up_axis,
                 joint_map=joint_map,
                 licence=licence,
             ),
@@ -72,6 +75,7 @@ def _read_source(
     take: Take,
     frame_rate: float | None,
     unit_scale: float | None,
+    up_axis: UpAxis,
     joint_map: JointMap | None,
     licence: str,
 ) -> list[Recording | Dropped]:
@@ -82,6 +86,7 @@ def _read_source(
             take,
             frame_rate=frame_rate,
             unit_scale=unit_scale,
+            up_axis=up_axis,
             joint_map=joint_map,
             licence=licence,
         )
@@ -93,6 +98,7 @@ def read_take(
     *,
     frame_rate: float | None = None,
     unit_scale: float | None = None,
+    up_axis: UpAxis = "y",
     joint_map: JointMap | None = None,
     licence: str = "",
 ) -> Recording:
@@ -108,11 +114,12 @@ def read_take(
         take: From `find_takes` or a corpus's own finder.
         frame_rate: Frames per second of the BVH rows, for files whose header is wrong.
         unit_scale: Metres per BVH unit; by the joint map when None.
+        up_axis: The vertical of the BVH file (`cospeech.motion.bvh.read_bvh`).
         joint_map: Found by the skeleton's joints when None.
         licence: Licence of the data, where the take has none of its own.
 
     Returns:
-        Full-skeleton motion at its own rate; the skeleton is named after the joint map.
+        Full-skeleton motion at its own rate; the skeleton carries the joint map and its name.
 
     Raises:
         CospeechError: The take has a ``problem``.
@@ -128,7 +135,7 @@ def read_take(
         raise CospeechError(f"take {take.id} can't be read: {take.problem or 'no motion'}", hint)
     warnings = list(take.warnings)
     motion, first_frame, whole_frames, joint_map = _motion(
-        take, take.motion, frame_rate, unit_scale, joint_map
+        take, take.motion, frame_rate, unit_scale, up_axis, joint_map, warnings
     )
     if take.published_rate is not None and abs(motion.fps - take.published_rate) > 0.01:
         warnings.append(
@@ -182,7 +189,9 @@ def _motion(
     path: Path,
     frame_rate: float | None,
     unit_scale: float | None,
+    up_axis: UpAxis,
     joint_map: JointMap | None,
+    warnings: list[str],
 ) -> tuple[Motion, int, int, JointMap]:
     """The excerpt's motion, its first frame in the file, the file's frames, and the joint map."""
     if joint_map is None:
@@ -196,6 +205,8 @@ def _motion(
         path,
         frame_rate=frame_rate,
         unit_scale=joint_map.unit_scale if unit_scale is None else unit_scale,
+        up_axis=up_axis,
+        warn=warnings.append,
     )
     start, duration = take.excerpt.motion_start, take.excerpt.duration
     first = round(start * whole.fps)
@@ -203,7 +214,7 @@ def _motion(
     if not 0 <= first < min(stop, len(whole)):
         raise _beyond_the_end(take, path, start, whole.duration)
     motion = whole.slice(first, stop) if (first, stop) != (0, len(whole)) else whole
-    skeleton = replace(motion.skeleton, name=joint_map.name)
+    skeleton = replace(motion.skeleton, name=joint_map.name, joint_map=joint_map)
     return replace(motion, skeleton=skeleton), first, len(whole), joint_map
 
 

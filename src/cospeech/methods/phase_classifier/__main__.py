@@ -6,6 +6,7 @@ import argparse
 import logging
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from cospeech.formats.phase_files.writing import phase_segments, write_elan, wri
 from cospeech.methods.phase_classifier.judging import recording_scores
 from cospeech.methods.phase_classifier.scores import PhaseScores
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
-from cospeech.motion.joint_map import find_joint_map
+from cospeech.motion.joint_map import JointMap, find_joint_map, load_joint_map
 from cospeech.motion.phases import PHASE_INDEX, PHASES
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.speech.audio import load_audio
@@ -41,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if given.command == "label":
             classifier = FrozenPhaseClassifier.load(given.classifier)
-            _label(classifier, given.motion, given.audio, given.out)
+            joint_map = None if given.joint_map is None else load_joint_map(given.joint_map)
+            _label(classifier, given.motion, given.audio, given.out, joint_map)
         else:
             _score(given.classifier, given.store, given.split)
     except CospeechError as error:
@@ -51,15 +53,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _label(
-    classifier: FrozenPhaseClassifier, motion_file: Path, audio_file: Path | None, folder: Path
+    classifier: FrozenPhaseClassifier,
+    motion_file: Path,
+    audio_file: Path | None,
+    folder: Path,
+    joint_map: JointMap | None,
 ) -> None:
     if classifier.pitch and audio_file is None:
         raise CospeechError(
             "this classifier reads the pitch",
             "give the recording's sound with --audio, or use one trained with model.pitch=false",
         )
-    scale = find_joint_map(read_bvh_skeleton(motion_file)).unit_scale
-    motion = read_bvh(motion_file, unit_scale=scale)
+    joint_map = joint_map or find_joint_map(read_bvh_skeleton(motion_file))
+    motion = read_bvh(motion_file, unit_scale=joint_map.unit_scale)
+    motion = replace(motion, skeleton=replace(motion.skeleton, joint_map=joint_map))
     speech = None if audio_file is None else Speech(load_audio(audio_file))
     found = classifier.label(motion, speech)
     segments = phase_segments(_as_phases(classifier, found), motion.fps)
@@ -109,6 +116,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     label.add_argument("motion", type=Path, metavar="FILE.bvh")
     label.add_argument("--audio", type=Path, metavar="FILE.wav", help="its sound")
+    label.add_argument(
+        "--joint-map", metavar="MAP", help="name or yaml of a joint map (by the joints' names)"
+    )
     label.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
     score = commands.add_parser(
         "score",
