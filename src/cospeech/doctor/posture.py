@@ -79,9 +79,7 @@ def check_units(body: Body, files: Files) -> list[Finding]:
             " 0.01)"
         )
     else:
-        step = (
-            f"multiply the unit scale (data.unit_scale) by {1 / body.scale:.3g}; no usual unit fits"
-        )
+        step = f"multiply data.unit_scale by {1 / body.scale:.3g}; no usual unit fits"
     return [Finding(Check.UNITS, Severity.ERROR, files.motion, None, problem, step)]
 
 

@@ -24,6 +24,9 @@ from cospeech.motion.bvh_hierarchy import Hierarchy
 MAX_FILE_BYTES = 2**30
 MAX_HEADER_BYTES = 2**22
 MAX_LINE_BYTES = 2**22
+HEAD_BYTES = MAX_HEADER_BYTES + 4096
+"""What follows the word MOTION may lie beyond the longest header."""
+
 BLOCK_BYTES = 2**20
 _ROW = re.compile(rb"\S[^\n]*")
 
@@ -41,8 +44,7 @@ class BvhText:
     def __init__(self, path: Path, stream: BinaryIO) -> None:
         self.path = path
         self._stream = stream
-        # what follows the word MOTION may lie beyond the longest header
-        head = stream.read(MAX_HEADER_BYTES + 4096)
+        head = stream.read(HEAD_BYTES)
         self._head_bytes = len(head)
         self._only_returns = b"\n" not in head
         self.head = self._with_newlines(head.removeprefix(b"\xef\xbb\xbf"))
