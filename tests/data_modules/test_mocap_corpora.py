@@ -1,14 +1,23 @@
 """`data=mocap|trinity|genea|beat|zeggs`: stores from fake corpora in the published layouts."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
 import cospeech.experiment  # noqa: F401  registers the resolver of run folders
-from cospeech.errors import CospeechError
-from cospeech.motion.joint_map import load_joint_map
+from cospeech.corpus.store import Store
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.motion.bvh import write_bvh
+from cospeech.motion.gesture_joints import gesture_joints
+from cospeech.motion.joint_map import find_joint_map, load_joint_map
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.upper_body import to_upper_body
+from cospeech.motion.velocities import wrists
 from tests.fabricated.mocap import (
     TRINITY_BODY,
     put_bvh,
@@ -124,12 +133,127 @@ def test_settings_that_change_a_recording_change_the_store(tmp_path):
     put_bvh(tmp_path / "m" / "a.bvh", swinging(TRINITY_BODY, "a", 2.0, 30))
     base = data_module("mocap", tmp_path / "m", tmp_path / "s")
     assert base.settings() == {
-        "missing_audio": "auto", "frame_rate": None, "speaker": "folder", "licence": "",
+        "missing_audio": "auto", "frame_rate": None, "unit_scale": None, "up_axis": "y",
+        "speaker": "folder", "licence": "",
     }  # fmt: skip
     assert base.evaluation_joints() is None
     mapped = data_module("mocap", tmp_path / "m", tmp_path / "s", "joint_map=mixamo")
     assert mapped.evaluation_joints() == load_joint_map("mixamo")
     assert mapped.store_parameters() != base.store_parameters()
+    for change in ("unit_scale=1", "up_axis=z", "frame_rate=15"):
+        changed = data_module("mocap", tmp_path / "m", tmp_path / "s", change)
+        assert changed.store_parameters() != base.store_parameters()
+
+
+@pytest.mark.parametrize(
+    ("setting", "match"),
+    [
+        ("frame_rate=0", r"data\.frame_rate=0: frames per second, a number from 0\.1 to 1000"),
+        ("frame_rate=fast", r"data\.frame_rate=fast"),
+        ("frame_rate=true", r"data\.frame_rate=True"),
+        ("unit_scale=-1", r"data\.unit_scale=-1: metres per unit"),
+        ("unit_scale=cm", r"data\.unit_scale=cm"),
+        ("unit_scale=nan", r"data\.unit_scale=nan"),
+        ("up_axis=x", r"data\.up_axis=x: choose one of y, z"),
+        ("up_axis=null", r"data\.up_axis=None: choose one of y, z"),
+    ],
+)
+def test_what_no_file_can_be_read_with_is_refused(setting, match, tmp_path):
+    with pytest.raises(Exception, match=match) as caught:
+        data_module("mocap", tmp_path, tmp_path / "s", setting)
+    assert isinstance(caught.value.__cause__ or caught.value, ConfigError)
+
+
+@pytest.mark.parametrize("corpus", ["mocap", "beat", "genea", "trinity", "zeggs"])
+def test_every_corpus_of_bvh_files_has_the_settings(corpus, tmp_path):
+    settings = data_module(corpus, tmp_path, tmp_path / "s", "unit_scale=0.0254", "up_axis=z")
+    assert settings.settings() | {"unit_scale": 0.0254, "up_axis": "z"} == settings.settings()
+
+
+def wrist_heights(store):
+    motion = store.motion(0)
+    return motion.positions[:, motion.skeleton.index["LeftHand"], 1]
+
+
+def test_units_and_vertical_are_settings(tmp_path):
+    take = swinging(TRINITY_BODY, "a", 10.0, 30)
+    put_bvh(tmp_path / "cm" / "a.bvh", take)
+    write_bvh(put_text(tmp_path / "m" / "a.bvh", ""), take, unit_scale=1.0)
+    expected = data_module("mocap", tmp_path / "cm", tmp_path / "s").prepare_store()
+    scaled = data_module("mocap", tmp_path / "m", tmp_path / "s", "unit_scale=1").prepare_store()
+    np.testing.assert_allclose(wrist_heights(scaled), wrist_heights(expected), atol=1e-4)
+    lying = data_module("mocap", tmp_path / "cm", tmp_path / "s", "up_axis=z").prepare_store()
+    # what is y up and read as z up lies on its face: the height is the old z, its sign turned
+    old_z = expected.motion(0).positions[..., 2]
+    np.testing.assert_allclose(lying.motion(0).positions[..., 1], old_z, atol=1e-4)
+
+
+def test_the_map_of_the_user_is_kept_with_the_corpus(tmp_path):
+    """On a skeleton that no packaged map fits; whatever asks later needs no file."""
+    body = replace(TRINITY_BODY, joints=tuple(f"{name}Bone" for name in TRINITY_BODY.joints))
+    put_bvh(tmp_path / "m" / "a.bvh", swinging(body, "a", 10.0, 30))
+    with pytest.raises(CospeechError, match="no joint map fits"):
+        data_module("mocap", tmp_path / "m", tmp_path / "s").prepare_store()
+    lines = {
+        "spine": "Spine1", "neck": "Neck", "nose": "Head", "head": "Head",
+        "left_shoulder": "LeftArm", "left_elbow": "LeftForeArm", "left_wrist": "LeftHand",
+        "right_shoulder": "RightArm", "right_elbow": "RightForeArm", "right_wrist": "RightHand",
+    }  # fmt: skip
+    text = "joints:\n" + "".join(f"  {role}: {joint}Bone\n" for role, joint in lines.items())
+    path = put_text(
+        tmp_path / "mine.yaml", text + "hips: {right: RightUpLegBone, left: LeftUpLegBone}"
+    )
+    given = f"joint_map='{path}'"
+    store = data_module("mocap", tmp_path / "m", tmp_path / "s", given).prepare_store()
+    chosen = load_joint_map(path)
+    path.unlink()
+    store = Store(store.path)
+    assert store.skeletons[0].joint_map == chosen
+    facts = json.loads(json.dumps(store.facts()))
+    layout = gesture_joints(Skeleton.from_dict(facts["skeleton"]))
+    assert layout.body.joints[:3] == ("LeftArmBone", "LeftForeArmBone", "LeftHandBone")
+    assert wrists(store.skeletons[0]).joints == ("LeftHandBone", "RightHandBone")
+    upper = to_upper_body(store.motion(0)).positions
+    np.testing.assert_allclose(store.upper_body(0)[0], upper[0], atol=1e-5)
+
+
+def test_the_packaged_map_that_was_found_is_kept_with_the_corpus(tmp_path):
+    put_bvh(tmp_path / "m" / "a.bvh", swinging(TRINITY_BODY, "a", 10.0, 30))
+    store = data_module("mocap", tmp_path / "m", tmp_path / "s").prepare_store()
+    found = find_joint_map(TRINITY_BODY)
+    assert store.manifest["skeletons"][0]["joint_map"] == found.to_dict()
+
+
+WILD = Path(__file__).resolve().parents[1] / "data" / "wild" / "own_joint_map"
+
+
+@pytest.mark.parametrize("given", [(), (f"joint_map='{WILD / 'classic.yaml'}'",)])
+def test_recordings_with_classic_names(given, tmp_path):
+    """Without a map, by the packaged one; the user's own goes before it."""
+    store = data_module("mocap", WILD, tmp_path, "split=recordings", *given).prepare_store()
+    assert len(store.recordings) == 4
+    (skeleton,) = store.skeletons
+    assert skeleton.joint_map.name == ("classic" if given else "classic_chests")
+    names = [recording.id for recording in store.recordings]
+    motion = store.motion(names.index("take0"))
+    expected = json.loads((WILD / "expected_positions.json").read_text())["frames"]
+    for frame, joints in expected.items():
+        for joint, place in joints.items():
+            found = motion.positions[int(frame), skeleton.index[joint]]
+            np.testing.assert_allclose(found, place, atol=1e-4)
+
+
+def test_a_header_that_is_a_row_off_costs_nothing(tmp_path):
+    put_bvh(tmp_path / "m" / "a.bvh", swinging(TRINITY_BODY, "a", 10.0, 30))
+    text = (tmp_path / "m" / "a.bvh").read_text()
+    put_text(tmp_path / "m" / "b.bvh", text.replace("Frames: 300", "Frames: 299"))
+    put_text(tmp_path / "m" / "c.bvh", text.replace("Frames: 300", "Frames: 0"))
+    store = data_module("mocap", tmp_path / "m", tmp_path / "s").prepare_store()
+    assert [(one.id, one.fps) for one in store.recordings] == [("a", 30.0), ("b", 30.0)]
+    warnings = [store.annotations(i).get("warnings", []) for i in range(2)]
+    assert [len([w for w in told if "frames, 300 rows follow" in w]) for told in warnings] == [0, 1]
+    (skipped,) = store.manifest["skipped"]
+    assert "the header says 0 frames at 30 fps" in skipped["reason"]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from cospeech.doctor import Check, Severity, check_path
+from cospeech.doctor import Check, Settings, Severity, check_path
 from cospeech.doctor.layouts import find_layout
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.bvh import write_bvh
@@ -158,6 +158,10 @@ def test_metres_in_a_file_of_centimetres(folder, takes):
     finding = the_error(check_path(folder).findings, Check.UNITS)
     assert finding.file == str(folder / f"{takes[0].id}.bvh")
     assert "data.unit_scale=1 " in finding.next_step
+    mended = check_path(folder, settings=Settings(unit_scale=1.0))
+    assert str(folder / f"{takes[0].id}.bvh") not in {
+        finding.file for finding in mended.findings if finding.check is Check.UNITS
+    }
 
 
 def test_left_and_right_joints_renamed(folder, takes):

@@ -217,8 +217,34 @@ def test_a_transcript_of_another_take_is_a_warning(tmp_path):
 
 def test_a_wrong_scale_is_a_warning_that_unit_scale_mends(tmp_path):
     take = take_of(tmp_path, unit_scale=1.0)
-    assert "unit_scale is probably wrong" in read_take(take).annotations["warnings"][0]
+    assert "set data.unit_scale" in read_take(take).annotations["warnings"][0]
     assert "warnings" not in read_take(take, unit_scale=1.0).annotations
+
+
+def test_a_header_that_is_a_row_off_is_one_warning(tmp_path):
+    take = take_of(tmp_path)
+    take.motion.write_text(take.motion.read_text().replace("Frames: 60", "Frames: 59"))
+    recording = read_take(take)
+    assert len(recording.motion) == 60
+    assert recording.annotations["warnings"] == [
+        "t.bvh: the header says 59 frames, 60 rows follow and are read"
+    ]
+
+
+def test_a_vertical_that_is_z_is_a_warning_that_up_axis_mends(tmp_path):
+    upright = read_take(take_of(tmp_path)).motion
+    take = take_of(tmp_path)
+    lines = take.motion.read_text().splitlines()
+    start = lines.index(next(line for line in lines if line.startswith("Frame Time"))) + 1
+    # the root at (0, -z, y), and lifted by 90 degrees about x: Z X Y channels
+    for i in range(start, len(lines)):
+        x, y, z, _, _, _, *rest = lines[i].split()
+        lines[i] = " ".join([x, str(-float(z)), y, "0", "90", "0", *rest])
+    take.motion.write_text("\n".join(lines) + "\n")
+    assert "data.up_axis=z" in read_take(take).annotations["warnings"][0]
+    recording = read_take(take, up_axis="z")
+    assert "warnings" not in recording.annotations
+    np.testing.assert_allclose(recording.motion.positions, upright.positions, atol=1e-5)
 
 
 def test_nan_names_frame_and_joint(tmp_path):

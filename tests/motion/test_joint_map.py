@@ -1,5 +1,7 @@
 """Joint maps: which one is found, what it does by hand, and what is said when none fits."""
 
+import json
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -9,11 +11,13 @@ from scipy.spatial.transform import Rotation
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.ted import expressive
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
+from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.joint_map import (
     EVALUATION_JOINTS,
     JointBlend,
     JointMap,
     JointSource,
+    bare_names,
     find_joint_map,
     load_joint_map,
 )
@@ -21,6 +25,7 @@ from cospeech.motion.kinematics import skeleton_positions, turn_about_vertical
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY, doubts_about, to_upper_body
+from cospeech.motion.velocities import wrists
 
 PACKAGED = sorted(
     file.name.removesuffix(".yaml")
@@ -36,8 +41,9 @@ def skeleton_for(joint_map, name="any"):
 
 def test_the_field_is_covered():
     assert set(PACKAGED) == {
-        "bandai_namco", "beat", "berkeley3d", "cmu", "genea2023", "human36m", "human36m_32",
-        "mixamo", "ted", "ted_expressive", "trinity", "zeggs",
+        "bandai_namco", "beat", "berkeley3d", "classic", "classic_chests", "cmu", "cmu_cgspeed",
+        "genea2023", "human36m", "human36m_32", "mixamo", "ted", "ted_expressive", "trinity",
+        "zeggs",
     }  # fmt: skip
 
 
@@ -91,6 +97,163 @@ def test_namespaces_do_not_matter():
         to_upper_body(Motion(prefixed, 30.0, positions, still)).positions,
         to_upper_body(Motion(plain, 30.0, positions, still)).positions,
     )
+
+
+@pytest.mark.parametrize(
+    "prefix", ["mixamorig:", "mixamorig1:", "mixamorig1_", "mixamorig", "Character1_", "Bip01 ",
+               "Actor.", "rig|skeleton|", "GRP-2-"],
+)  # fmt: skip
+@pytest.mark.parametrize("root", ["", "Reference"])
+def test_what_all_names_begin_with_does_not_matter(prefix, root):
+    """Of all joints, or of all but a root of its own name; end sites may be called anything."""
+    mixamo = load_joint_map("mixamo")
+    names = [prefix + name for name in sorted(mixamo.required)]
+    joints = ([root] if root else []) + names + ["End Site"]
+    parents = (-1,) + (0,) * (len(joints) - 1)
+    skeleton = Skeleton("m", tuple(joints), parents, end_sites=frozenset(["End Site"]))
+    assert find_joint_map(skeleton).name == "mixamo"
+    assert bare_names(skeleton)["LeftArm"] == joints.index(prefix + "LeftArm")
+    assert bare_names(skeleton)[prefix + "LeftArm"] == joints.index(prefix + "LeftArm")
+
+
+@pytest.mark.parametrize(
+    "joints",
+    [
+        ("Root", "LHip", "LKnee", "LFoot"),
+        ("Root", "Spine", "Spine1", "Spine2"),
+        ("Root", "abc", "abd"),
+        ("Root", "Arm"),
+        ("Root",),
+    ],
+)
+def test_real_names_are_not_eaten(joints):
+    skeleton = Skeleton("s", joints, (-1,) + (0,) * (len(joints) - 1))
+    assert bare_names(skeleton) == {joint: i for i, joint in enumerate(joints)}
+
+
+def classic(chests, below_neck):
+    """Hips, Chest ... Chest<n>, Neck, Head and arms by the names of early BVH files."""
+    trunk = ["Hips", "Chest", *(f"Chest{i}" for i in range(2, chests + 1))]
+    joints, parents, offsets = list(trunk), list(range(-1, chests)), [[0, 0.1, 0]] * len(trunk)
+    joints += ["Neck", "Head", "Head_end"]
+    parents += [chests, chests + 1, chests + 2]
+    offsets = [*offsets, [0, below_neck, 0], [0, 0.1, 0.02], [0, 0.18, 0]]
+    for side, sign in (("Left", 1), ("Right", -1)):
+        above = [chests, len(joints), len(joints) + 1, len(joints) + 2]
+        joints += [f"{side}{name}" for name in ("Collar", "Shoulder", "Elbow", "Wrist")]
+        parents += above
+        arm = [[0.03, 0.1, 0.02], [0.15, 0, 0], [0.28, 0, 0], [0.25, 0, 0]]
+        offsets += [[sign * x, y, z] for x, y, z in arm]
+        joints.append(f"{side}Hip")
+        parents.append(0)
+        offsets.append([sign * 0.09, -0.05, 0])
+    ends = frozenset(["Head_end"])
+    return Skeleton("bvh", tuple(joints), tuple(parents), np.array(offsets), ends)
+
+
+@pytest.mark.parametrize(
+    ("chests", "name", "spine"),
+    [(1, "classic", "Chest"), (2, "classic_chests", "Chest2"), (4, "classic_chests", "Chest2")],
+)
+def test_the_classic_names(chests, name, spine):
+    skeleton = classic(chests, 0.14)
+    joint_map = find_joint_map(skeleton)
+    assert joint_map.name == name
+    assert joint_map.joints[0] == JointSource(spine)
+    assert joint_map.unit_scale == 0.01
+    still = np.zeros((1, len(skeleton), 4), np.float32)
+    still[..., 3] = 1
+    body = to_upper_body(Motion(skeleton, 15.0, skeleton_positions(skeleton, still), still))
+    assert doubts_about(body) == []
+    at = dict(zip(EVALUATION_JOINTS, body.positions[0], strict=True))
+    above = max(0, chests - 2) * 0.1  # of Chest, or Chest2, to the last of them
+    np.testing.assert_allclose(at["neck"], [0, 0.14 + above, 0], atol=1e-6)
+    np.testing.assert_allclose(at["head"], [0, 0.14 + above + 0.28, 0.02], atol=1e-6)
+    np.testing.assert_allclose(at["left_elbow"], [0.46, 0.1 + above, 0.02], atol=1e-6)
+
+
+CGSPEED = {
+    "Hips": ("", 0, 0, 0), "LHipJoint": ("Hips", 0, 0, 0), "RHipJoint": ("Hips", 0, 0, 0),
+    "LeftUpLeg": ("LHipJoint", 1.8, -1.7, 0.8), "RightUpLeg": ("RHipJoint", -1.7, -1.7, 0.8),
+    "LowerBack": ("Hips", 0, 0, 0), "Spine": ("LowerBack", 0, 2.0, -0.2),
+    "Spine1": ("Spine", 0, 2.1, 0), "Neck": ("Spine1", 0, 0, 0), "Neck1": ("Neck", 0, 1.7, 0),
+    "Head": ("Neck1", 0, 1.6, -0.3), "LeftShoulder": ("Spine1", 0, 0, 0),
+    "LeftArm": ("LeftShoulder", 3.4, 1.2, 0), "LeftForeArm": ("LeftArm", 5.0, 0, 0),
+    "LeftHand": ("LeftForeArm", 3.5, 0, 0), "RightShoulder": ("Spine1", 0, 0, 0),
+    "RightArm": ("RightShoulder", -3.4, 1.2, 0), "RightForeArm": ("RightArm", -5.0, 0, 0),
+    "RightHand": ("RightForeArm", -3.5, 0, 0),
+}  # fmt: skip
+"""Joints of CMU's motion in the cgspeed conversion, with lengths as they are in it (ASF units)."""
+
+
+def test_the_cgspeed_conversion_of_cmu():
+    names = list(CGSPEED)
+    parents = tuple(names.index(parent) if parent else -1 for parent, *_ in CGSPEED.values())
+    offsets = np.array([offset for _, *offset in CGSPEED.values()], float)
+    joint_map = find_joint_map(Skeleton("bvh", tuple(names), parents))
+    assert joint_map.name == "cmu_cgspeed"
+    skeleton = Skeleton("bvh", tuple(names), parents, offsets * joint_map.unit_scale)
+    still = np.zeros((1, len(names), 4), np.float32)
+    still[..., 3] = 1
+    body = to_upper_body(Motion(skeleton, 120.0, skeleton_positions(skeleton, still), still))
+    assert doubts_about(body) == []
+    at = dict(zip(EVALUATION_JOINTS, body.positions[0], strict=True))
+    # 2.1 and 1.7 units of 1/0.45 inch
+    np.testing.assert_allclose(at["neck"], [0, 3.8 * 0.0254 / 0.45, 0], atol=1e-4)
+    arm = np.linalg.norm(at["left_elbow"] - at["left_shoulder"])
+    assert arm == pytest.approx(5 * 0.0254 / 0.45, abs=1e-4)
+
+
+def test_the_nearest_map_is_the_one_that_finds_most():
+    skeleton = classic(1, 0.4)
+    joints = tuple("Hand" if joint == "LeftWrist" else joint for joint in skeleton.joints)
+    with pytest.raises(CospeechError) as caught:
+        find_joint_map(Skeleton("mine", joints, skeleton.parents))
+    assert "The nearest, classic, finds spine, neck, nose, head, left_shoulder" in str(caught.value)
+    assert "it also needs: LeftWrist." in str(caught.value)
+    with pytest.raises(CospeechError, match="None of the packaged maps finds"):
+        find_joint_map(Skeleton("robot", ("base", "claw"), (-1, 0)))
+
+
+def test_thousands_of_joints_are_not_all_listed():
+    joints = tuple(f"{'j' * 190}{i}" for i in range(4000))
+    with pytest.raises(CospeechError, match="and 3900 more") as caught:
+        find_joint_map(Skeleton("many", joints, (-1,) + (0,) * 3999))
+    assert len(str(caught.value)) < 10_000
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_a_map_survives_a_manifest(name):
+    joint_map = load_joint_map(name)
+    assert JointMap.from_dict(json.loads(json.dumps(joint_map.to_dict()))) == joint_map
+
+
+@pytest.mark.parametrize(
+    "values", [None, [], {}, {"name": 3}, {"name": "x"}, {"name": "x", "joints": 1}]
+)
+def test_a_damaged_map_of_a_manifest_is_an_error(values):
+    with pytest.raises(InputFileError, match="joint map"):
+        JointMap.from_dict(values)
+
+
+def test_a_skeleton_carries_the_map_that_was_chosen():
+    """Before any that fits by its names, through a manifest and into everything that asks."""
+    plain = classic(4, 0.14)
+    changed = replace(load_joint_map("classic_chests"), name="mine", hips=None)
+    changed = replace(changed, joints=(JointSource("Chest3"), *changed.joints[1:]))
+    skeleton = replace(plain, joint_map=changed)
+    skeleton = Skeleton.from_dict(json.loads(json.dumps(skeleton.to_dict())))
+    assert skeleton.joint_map == changed
+    assert find_joint_map(skeleton) == changed
+    assert wrists(skeleton).reference == "Chest3"
+    assert wrists(skeleton).sideways is None
+    assert (
+        gesture_joints(skeleton).body.joints[gesture_joints(skeleton).evaluation_spine] == "Chest3"
+    )
+    without = {key: value for key, value in plain.to_dict().items() if key != "joint_map"}
+    assert find_joint_map(Skeleton.from_dict(without)).name == "classic_chests"
+    with pytest.raises(CospeechError, match="joint map mine needs Chest3"):
+        find_joint_map(replace(classic(2, 0.2), joint_map=changed))
 
 
 def person(yaw_degrees, travel=(0.0, 0.0, 0.0)):
@@ -218,11 +381,12 @@ def test_doubts_name_their_cause():
         return " ".join(doubts_about(Motion(UPPER_BODY, 15.0, positions.astype(np.float32))))
 
     assert doubts(body.positions) == ""
-    assert "may not be +y" in doubts(body.positions[..., [0, 2, 1]])
-    assert "may not be +y" in doubts(body.positions * [1, -1, 1])
+    assert "vertical may not be y (data.up_axis=z" in doubts(body.positions[..., [0, 2, 1]])
+    assert "vertical may not be y" in doubts(body.positions * [1, -1, 1])
     assert "left and right" in doubts(body.positions * [-1, 1, 1])
     assert "nose is behind" in doubts(body.positions * [1, 1, -1])
-    assert "0.00301 m long: unit_scale" in doubts(body.positions * 0.01)
+    assert "0.00301 m long" in doubts(body.positions * 0.01)
+    assert "set data.unit_scale" in doubts(body.positions * 0.01)
 
 
 def test_an_unknown_skeleton_gets_its_joints_and_a_template():
@@ -257,6 +421,7 @@ def test_maps_of_a_folder_go_before_packaged_ones(tmp_path):
     assert find_joint_map(skeleton).name == "trinity"
 
 
+ALIASES = "a0: &a0 [x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 9))
 GOOD = "joints:\n" + "".join(f"  {name}: j\n" for name in EVALUATION_JOINTS)
 
 
@@ -281,15 +446,40 @@ GOOD = "joints:\n" + "".join(f"  {name}: j\n" for name in EVALUATION_JOINTS)
         (GOOD + "markers: Hips", "'markers' must be a list"),
         (GOOD + "unit_scale: -1", "'unit_scale' must be"),
         ("joints: {", "not valid yaml"),
-        ("!!python/object/apply:os.system ['true']", "not valid yaml"),
+        ("!!python/object/apply:os.system ['true']", "has a yaml tag"),
+        (ALIASES, r"line 2: has yaml aliases"),
+        (GOOD + "about: 2024-13-45\nunit_scale: 2024-13-45", "'unit_scale' must be"),
+        (GOOD + f"unit_scale: {'9' * 400}", "number of more than 30 digits"),
+        (GOOD.replace("nose: j", f"nose: {{joint: j, offset: [0, 1, {'9' * 400}]}}"), "30 digits"),
+        (GOOD.replace("nose: j", "nose: {joint: j, offset: [0, 1, 1.0e+300]}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {joint: j, offset: [0, 1, true]}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {joint: [j], offset: [0, 1, 2]}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {joint: {a: {b: c}}}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {weights: {j: 1.0e+300, k: -1.0e+300}}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: {weights: {j: true}}"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: true"), "nose: expected"),
+        (GOOD.replace("nose: j", "nose: 1.5"), "nose: expected"),
+        (GOOD + "hips: {right: [a], left: b}", "'hips' must be"),
+        (GOOD + "hips: {right: {a: b}, left: b}", "'hips' must be"),
+        (GOOD + "markers: [[a]]", "'markers' must be a list"),
+        (GOOD + "markers: [null]", "'markers' must be a list"),
+        (GOOD + "unit_scale: true", "'unit_scale' must be"),
+        (GOOD + "unit_scale: .inf", "'unit_scale' must be"),
+        (GOOD + "unit_scale: 1.0e-300", "'unit_scale' must be"),
+        (GOOD + "1: 2\n? [a]\n: 3", "not valid yaml"),
+        (GOOD + "1: 2\nnull: 4", "unknown keys: 1, None"),
+        (GOOD + "".join(f"{'k' * 500}{i}: 1\n" for i in range(100)), r"unknown keys: .* \.\.\."),
+        (GOOD + "  " + "x" * 1000 + ": j", "exactly the ten evaluation joints; see xxxx"),
+        ("joints: " + "[" * 5000, "nested more than"),
         ("#" * 2**17, "too long"),
     ],
 )
 def test_broken_maps_are_refused(tmp_path, content, match):
     path = tmp_path / "broken.yaml"
     path.write_text(content)
-    with pytest.raises(InputFileError, match=match):
+    with pytest.raises(InputFileError, match=match) as caught:
         load_joint_map(path)
+    assert len(str(caught.value)) < 2000
 
 
 def test_names_that_do_not_exist(tmp_path):
@@ -297,6 +487,9 @@ def test_names_that_do_not_exist(tmp_path):
         load_joint_map("trinty")
     with pytest.raises(InputFileError, match="can't be read"):
         load_joint_map(tmp_path / "absent.yaml")
+    (tmp_path / "folder.yaml").mkdir()
+    with pytest.raises(InputFileError, match="is not a file"):
+        load_joint_map(tmp_path / "folder.yaml")
     motion, _ = person([0.0])
     with pytest.raises(CospeechError, match="joint map ted needs head"):
         to_upper_body(motion, load_joint_map("ted"))
