@@ -191,7 +191,8 @@ def test_units_and_vertical_are_settings(tmp_path):
 def test_the_map_of_the_user_is_kept_with_the_corpus(tmp_path):
     """On a skeleton that no packaged map fits; whatever asks later needs no file."""
     body = replace(TRINITY_BODY, joints=tuple(f"{name}Bone" for name in TRINITY_BODY.joints))
-    put_bvh(tmp_path / "m" / "a.bvh", swinging(body, "a", 10.0, 30))
+    take = replace(swinging(TRINITY_BODY, "a", 10.0, 30), skeleton=body)
+    put_bvh(tmp_path / "m" / "a.bvh", take)
     with pytest.raises(CospeechError, match="no joint map fits"):
         data_module("mocap", tmp_path / "m", tmp_path / "s").prepare_store()
     lines = {

@@ -1,5 +1,8 @@
 """Training of the phase classifier, on the embedded corpus's true phases."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -20,6 +23,7 @@ from cospeech.methods.phase_classifier.judging import recording_scores
 from cospeech.methods.phase_classifier.scores import PhaseScores, confusion_of
 from cospeech.motion.bvh_writer import write_bvh
 from cospeech.motion.gesture_joints import gesture_joints
+from cospeech.motion.joint_map import find_joint_map
 from cospeech.motion.phases import PHASES, frame_phases
 from cospeech.motion.velocities import velocities
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
@@ -266,6 +270,30 @@ def test_a_bvh_is_labelled_on_the_command_line(recordings, trained, tmp_path, ca
     assert table[0] == "start_s,end_s,phase,class"
     assert {line.split(",")[3] for line in table[1:]} == set(names)
     assert wav.as_uri() in (tmp_path / "out" / "take.eaf").read_text()
+
+
+def test_a_skeleton_of_unknown_names_is_labelled_with_a_map(recordings, trained, tmp_path, capsys):
+    motion = recordings[0].motion.slice(0, 300)
+    roles = find_joint_map(motion.skeleton).to_dict()
+    bvh, yaml = tmp_path / "take.bvh", tmp_path / "mine.yaml"
+    write_bvh(bvh, motion)
+    weights = str(trained[2] / "phase_classifier.pt")
+    arguments = ["label", str(bvh), "--classifier", weights, "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    table = (tmp_path / "take.phases.csv").read_text()
+    # fingers are found by their English names, so those stay in the new ones
+    bvh.write_text(re.sub(r"(JOINT|ROOT) (\w+)", r"\1 \2Bone", bvh.read_text()))
+    assert main(arguments) == 1
+    assert "no joint map fits" in capsys.readouterr().err
+    del roles["name"]
+    text = json.dumps(roles)
+    for joint in sorted(find_joint_map(motion.skeleton).required, key=len, reverse=True):
+        text = text.replace(f'"{joint}"', f'"{joint}Bone"')
+    yaml.write_text(text)
+    assert main([*arguments, "--joint-map", str(yaml)]) == 0
+    assert (tmp_path / "take.phases.csv").read_text() == table
+    assert main([*arguments, "--joint-map", "nobody"]) == 1
+    assert "there are" in capsys.readouterr().err
 
 
 def test_the_command_line_says_what_is_missing(store, trained, recordings, tmp_path, capsys):
