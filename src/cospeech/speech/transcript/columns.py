@@ -48,6 +48,7 @@ _TEXTS = (
 _NO_TEXTS = (*_TIERS, "participant", "speaker", "annotator", "id", "confidence", "score", "file")
 _MILLISECONDS = ("msec", "ms", "(ms)", "milliseconds", "millis")
 _SECONDS = ("ss.msec", "hh:mm:ss.ms", "sec", "seconds", "(s)", "_s")
+_MOST_COLUMNS = 24
 _EQUAL_S, _EQUAL_UNITS = 0.011, 1.001
 
 
@@ -160,6 +161,8 @@ def columns_by_content(rows: Sequence[Sequence[str]]) -> Columns | None:
     the others; two alone are start and end if no row says otherwise.
     """
     width = max(map(len, rows))
+    if width > _MOST_COLUMNS:
+        return None
     cells = [[row[i].strip() if i < len(row) else "" for row in rows] for i in range(width)]
     clocks = [i for i in range(width) if _all(cells[i], clock_seconds)]
     numbers = [i for i in range(width) if _all(cells[i], number)]

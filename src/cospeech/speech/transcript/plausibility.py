@@ -159,34 +159,40 @@ def plausible_words(
     return tuple(_lengthened(words, notes)), notes
 
 
-def _require_pace(path: Path, entries: Sequence[Entry], words: Sequence[Word]) -> None:
-    if len(words) < _FEWEST:
-        return
-    pairs = list(pairwise(words))
-    overlapping = sum(
-        one.end - other.start > 0.5 * min(one.end - one.start, other.end - other.start) > 0
-        for one, other in pairs
+def require_columns(path: Path, entries: Sequence[Entry]) -> None:
+    """Refuse times of which most overlap: a column is taken for what it isn't.
+
+    Raises:
+        InputFileError: So it is.
+    """
+    timed = sorted(
+        (entry.start, entry.end, entry.text)
+        for entry in entries
+        if entry.start is not None and entry.end is not None
     )
-    if overlapping > 0.6 * len(pairs):
-        one, other = next(
-            pair
-            for pair in pairs
-            if pair[0].end - pair[1].start > 0 and pair[1].end > pair[1].start
-        )
+    overlapping = [
+        (one, other)
+        for one, other in pairwise(timed)
+        if one[1] - other[0] > 0.5 * min(one[1] - one[0], other[1] - other[0]) > 0
+    ]
+    if len(timed) >= _FEWEST and len(overlapping) > 0.6 * (len(timed) - 1):
+        (start, end, text), (next_start, next_end, next_text) = overlapping[0]
         raise InputFileError(
             path,
-            f"most words overlap, e.g. {one.text!r} ({one.start:g} to {one.end:g} s) and"
-            f" {other.text!r} ({other.start:g} to {other.end:g} s)",
+            f"most words overlap, e.g. {text[:40]!r} ({start:g} to {end:g}) and"
+            f" {next_text[:40]!r} ({next_start:g} to {next_end:g})",
             hint="do its columns fit the format (TSV: start, end, word; CTM: recording, channel,"
             " start, duration, word)? Are its words those of one speaker?",
         )
+
+
+def _require_pace(path: Path, entries: Sequence[Entry], words: Sequence[Word]) -> None:
     median = median_word(entries) or 0.0
-    per_word = (words[-1].end - words[0].start) / len(words)
-    if median < SHORTEST_WORD_S and per_word < 2 * SHORTEST_WORD_S:
+    span = words[-1].end - words[0].start
+    if len(words) >= _FEWEST and max(median, 0.5 * span / len(words)) < SHORTEST_WORD_S:
         raise InputFileError(
             path,
-            f"its times are no seconds: {len(words)} words within"
-            f" {words[-1].end - words[0].start:g} s",
+            f"its times are no seconds: {len(words)} words within {span:g} s",
             hint="convert them to seconds (minutes: multiply by 60)",
         )
 
@@ -209,9 +215,11 @@ def _within(path: Path, words: list[Word], duration_s: float, notes: list[str]) 
             hint="give the transcript of this recording; if the sound was cut out of a longer one,"
             " cut the transcript too, with times from the start of the sound",
         )
-    long = [word for word in words if word.start < duration_s and word.end > duration_s]
-    for some, what in ((after, "left out, after the end of the sound"), (long, "cut at it")):
-        if some and last > duration_s + (0.0 if some is after else TOLERATED_S):
+    over = [
+        word for word in words if word.start < duration_s and word.end - TOLERATED_S > duration_s
+    ]
+    for some, what in ((after, "left out, after the end of the sound"), (over, "cut at its end")):
+        if some:
             notes.append(
                 f"{counted(len(some), 'word')} of {len(words)} {what}: the words go on to"
                 f" {last:.1f} s, the sound to {duration_s:.1f} s; is it the transcript of this"
@@ -223,7 +231,7 @@ def _within(path: Path, words: list[Word], duration_s: float, notes: list[str]) 
             f" sound: the first is at {first:.1f} s"
         )
     return [
-        replace(word, end=min(word.end, duration_s)) if last > duration_s + TOLERATED_S else word
+        replace(word, end=duration_s) if word.end - TOLERATED_S > duration_s else word
         for word in words
         if word.start < duration_s and (word.end > 0 or word.start >= 0)
     ]

@@ -20,7 +20,7 @@ from cospeech.speech.transcript.entries import (
 )
 from cospeech.speech.transcript.json_shapes import parse_json
 from cospeech.speech.transcript.lines import is_bracketed, parse_bracketed
-from cospeech.speech.transcript.plausibility import plausible_words, spoken_entries
+from cospeech.speech.transcript.plausibility import plausible_words, require_columns, spoken_entries
 from cospeech.speech.transcript.spreading import fill_in_times, spread_text
 from cospeech.speech.transcript.subtitles import is_cue_times, parse_subtitles
 from cospeech.speech.transcript.tables import is_ctm, is_table, parse_ctm, parse_table
@@ -91,6 +91,7 @@ def read_transcript_with_timing(
         _require_bounded(path, found.entries)
         entries, notes = spoken_entries(path, found.entries)
         notes = [*found.notes, *notes]
+        require_columns(path, entries)
         if not found.are_seconds:
             entries, more = in_seconds(path, entries, None if goes_on else duration_s)
             notes += more

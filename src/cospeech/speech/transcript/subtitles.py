@@ -48,15 +48,18 @@ def parse_subtitles(path: Path, text: str) -> Entries:
     Raises:
         InputFileError: A line with ``-->`` holds no two times.
     """
-    new, repeated = _new_lines(_cues(path, text))
+    cues, repeated = _new_lines(_cues(path, text))
+    cut = _cut_where_they_stay(cues)
     entries: list[Entry] = []
-    for cue in new:
+    for cue in cues:
         require_few(path, len(entries))
         entries += _cue_entries(cue)
-    notes: tuple[str, ...] = ()
+    notes = []
     if repeated:
-        notes = (f"{counted(repeated, 'line')} left out that captions carried over",)
-    return Entries(tuple(entries), notes, are_seconds=True)
+        notes.append(f"{counted(repeated, 'line')} left out that captions carried over")
+    if cut:
+        notes.append(f"{counted(cut, 'caption')} cut where the next begins, above which they stay")
+    return Entries(tuple(entries), tuple(notes), are_seconds=True)
 
 
 def _cues(path: Path, text: str) -> list[_Cue]:
@@ -125,6 +128,18 @@ def _new_lines(cues: Sequence[_Cue]) -> tuple[list[_Cue], int]:
         if lines:
             new.append(_Cue(cue.start, cue.end, cue.place, lines))
     return new, repeated
+
+
+def _cut_where_they_stay(cues: Sequence[_Cue]) -> int:
+    """Cut cues of a file in which most stay while the next is spoken; how many were cut."""
+    staying = [
+        (cue, after.start) for cue, after in pairwise(cues) if cue.start < after.start < cue.end
+    ]
+    if len(staying) < _FEWEST_OVERLAPS or len(staying) <= _ROLLING_SHARE * (len(cues) - 1):
+        return 0
+    for cue, end in staying:
+        cue.end = end
+    return len(staying)
 
 
 def _tokens(lines: Sequence[str]) -> int:
