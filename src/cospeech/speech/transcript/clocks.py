@@ -21,4 +21,5 @@ def seconds_of(parts: tuple[str | None, ...]) -> float:
     hours, minutes, seconds, fraction = parts
     whole = int(hours or 0) * 3600 + int(minutes or 0) * 60 + int(seconds or 0)
     digits = fraction or "0"
-    return whole + int(digits) / 10 ** len(digits)
+    parts_of_one = 10 ** len(digits)
+    return (whole * parts_of_one + int(digits)) / parts_of_one

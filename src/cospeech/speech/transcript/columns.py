@@ -46,8 +46,8 @@ _TEXTS = (
     "orthography",
 )
 _NO_TEXTS = (*_TIERS, "participant", "speaker", "annotator", "id", "confidence", "score", "file")
-_MILLISECONDS = ("msec", "ms", "(ms)", "milliseconds", "millis")
-_SECONDS = ("ss.msec", "hh:mm:ss.ms", "sec", "seconds", "(s)", "_s")
+_MILLISECONDS = frozenset({"ms", "msec", "millis", "milliseconds"})
+_SECONDS = frozenset({"s", "sec", "secs", "seconds"})
 _MOST_COLUMNS = 24
 _EQUAL_S, _EQUAL_UNITS = 0.011, 1.001
 
@@ -145,11 +145,12 @@ def _is_called(name: str, known: frozenset[str]) -> bool:
 
 def _named(names: Sequence[str], candidates: Sequence[int]) -> Column:
     """The column whose name tells its unit best: ELAN can write a time in three units."""
-    for index in candidates:
-        if names[index].endswith(_SECONDS):
+    units = {index: _LETTERS.findall(names[index]) for index in candidates}
+    for index, parts in units.items():
+        if parts[-1] in _SECONDS or "ss" in parts:  # ss.msec, hh:mm:ss.ms
             return Column(index, 1.0, is_known=True)
-    for index in candidates:
-        if names[index].endswith(_MILLISECONDS):
+    for index, parts in units.items():
+        if parts[-1] in _MILLISECONDS:
             return Column(index, 1e-3, is_known=True)
     return Column(candidates[0])
 

@@ -11,8 +11,8 @@ from cospeech.speech.speech import Word
 
 Timing = Literal["words", "spread"]
 
-MOST_ENTRIES = 300_000
-"""Words of one recording: a day and a night of talk."""
+MOST_ENTRIES = 100_000
+"""Words of one recording: eleven hours of talk."""
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,16 @@ class Entries:
     are_seconds: bool = False
 
 
-def require_few(path: Path, count: int) -> None:
+def require_few(path: Path, count: int, most: int = MOST_ENTRIES) -> None:
     """Refuse a file of more words than anybody says.
 
     Raises:
-        InputFileError: It has more than `MOST_ENTRIES`.
+        InputFileError: It has more.
     """
-    if count > MOST_ENTRIES:
+    if count > most:
         raise InputFileError(
             path,
-            f"holds more than {MOST_ENTRIES} words",
+            f"holds more than {most} words",
             hint="give the transcript of one recording",
         )
 

@@ -41,7 +41,7 @@ def number(text: str) -> float | None:
     A comma may stand for the point.
     """
     text = text.strip()
-    if not text or len(text) > _MAX_NUMBER_CHARACTERS or "_" in text:
+    if not text or len(text) > _MAX_NUMBER_CHARACTERS or "_" in text or text.endswith(","):
         return None
     try:
         return float(text.replace(",", "."))

@@ -68,7 +68,7 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
             repeated += 1
             continue
         seen.add(key)
-        spoken.append(replace(entry, text=text, start=start, end=end))
+        spoken.append(Entry(text, start, end, entry.place, entry.is_phrase))
     if are_phones(entry.text for entry in spoken if not entry.is_phrase):
         sample = " ".join(entry.text for entry in spoken[:8])
         raise InputFileError(

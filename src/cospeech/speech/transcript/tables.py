@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from cospeech.errors import InputFileError
@@ -42,8 +43,7 @@ def is_table(line: str) -> bool:
             return True
         columns = columns_by_content([cells])
         # In prose, a blank follows the comma between two numbers.
-        is_prose = columns is not None and cells[columns.end.index].startswith(" ")
-        if columns is not None and not is_prose and not _is_ctm_row(cells):
+        if columns is not None and not cells[columns.end.index].startswith(" "):
             return True
     fields = line.split(None, 2)
     if len(fields) >= 2 and all(_starts_with_digit(field) for field in fields[:2]):
@@ -71,10 +71,11 @@ def parse_table(path: Path, text: str) -> Entries:
         rows = rows[1:]
     else:
         head = [row.cells for row in rows[:_LOOKED_AT]]
-        columns = _three(head) or columns_by_content(head)
-    if columns is None:
-        if all(_is_ctm_row(row.cells) for row in rows):
+        columns = columns_by_content(head)
+        if all(map(_is_ctm_row, head)) and not (columns and _end_before_the_next(head, columns)):
             return parse_ctm(path, text)
+        columns = _three(head) or columns
+    if columns is None:
         raise InputFileError(
             path,
             f"can't tell which columns are times and which the words: {rows[0].cells!r:.80}",
@@ -165,6 +166,13 @@ def _three(rows: Sequence[Sequence[str]]) -> Columns | None:
 def _is_ctm_row(cells: Sequence[str]) -> bool:
     fields = " ".join(cells).split(None, 5)
     return is_ctm(" ".join(fields)) and fields[1] in _CHANNELS
+
+
+def _end_before_the_next(rows: Sequence[Sequence[str]], columns: Columns) -> bool:
+    """Whether most rows end by the start of the next, as they would not if those were durations."""
+    times = [columns.times(row) for row in rows]
+    fitting = sum((one[1] or 0.0) <= (other[0] or 0.0) + 0.05 for one, other in pairwise(times))
+    return len(rows) > 1 and fitting >= 0.8 * (len(rows) - 1)
 
 
 def _are_whole(rows: Sequence[_Row], columns: Columns) -> bool:

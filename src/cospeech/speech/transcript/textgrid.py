@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import MOST_ENTRIES, Entries, Entry, require_few
+from cospeech.speech.transcript.entries import Entries, Entry, require_few
 from cospeech.speech.transcript.tiers import Tier, words_tier
 
 # Praat reads its text files as a sequence of free-standing numbers, quoted strings and <flags>;
@@ -22,6 +22,9 @@ _TOKEN = re.compile(
     | (?P<open>")""",
     re.VERBOSE,
 )
+
+
+_MOST_LABELS = 300_000  # of all tiers, phones too
 
 
 def parse_textgrid(path: Path, text: str) -> Entries:
@@ -79,7 +82,7 @@ class _Tokens:
 
     def count(self, what: str) -> int:
         value = self.number(what)
-        if not (value.is_integer() and 0 <= value <= MOST_ENTRIES):
+        if not (value.is_integer() and 0 <= value <= _MOST_LABELS):
             raise InputFileError(self._path, f"{what} is {value:g}", place=f"line {self.line}")
         return int(value)
 
@@ -108,7 +111,7 @@ def _interval_tiers(path: Path, text: str) -> list[Tier]:
         tokens.number("the tier's end time")
         for _ in range(tokens.count("the number of intervals")):
             count += 1
-            require_few(path, count)
+            require_few(path, count, _MOST_LABELS)
             start = tokens.number("a start time")
             place = f"line {tokens.line}"
             end = tokens.number("an end time") if kind == "IntervalTier" else start
