@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import Entry
+from cospeech.speech.transcript.entries import MOST_ENTRIES, Entry, require_few
 from cospeech.speech.transcript.lines import number
 
 TEXT_KEYS = ("word", "text", "label", "value", "content", "body")
@@ -21,17 +21,19 @@ _EXPECTED = 'a word is {"word": ..., "start": ..., "end": ...} in seconds'
 Item = tuple[str, Any]  # where it stands in the document, and what stands there
 
 
-@dataclass(frozen=True)
+@dataclass
 class Document:
     """A parsed file.
 
     Attributes:
         path: For messages.
         value: What it holds.
+        made: Entries that were made of it, which are bounded.
     """
 
     path: Path
     value: Any
+    made: int = 0
 
     def get(self, *keys: str) -> Any:
         """The value under a path of keys; None where there is none."""
@@ -41,10 +43,7 @@ class Document:
         return value
 
     def list_of(self, key: str) -> list[Any] | None:
-        """The list under a key, or the document itself if it is a list with such items.
-
-        Services wrap their answers in lists, and streams are lists of answers.
-        """
+        """The list under a key; None where there is none."""
         value = self.get(key)
         return value if isinstance(value, list) else None
 
@@ -54,8 +53,10 @@ class Document:
         A duration may stand for the end; ``[word, start, end]`` will do as well.
 
         Raises:
-            InputFileError: It is something else, or a time is none.
+            InputFileError: It is something else, a time is none, or it is one too many.
         """
+        self.made += 1
+        require_few(self.path, self.made, 2 * MOST_ENTRIES)  # tokens are more than words
         if isinstance(item, list) and len(item) == 3:
             item = dict(zip(("word", "start", "end"), item, strict=True))
         text = first(item, TEXT_KEYS) if isinstance(item, dict) else None
