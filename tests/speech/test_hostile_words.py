@@ -29,7 +29,7 @@ LONG = {
     "a.srt": ["00:01.0-->00:02.0\n" + "<00:01\n" * LARGE, "1\n" * LARGE],
     "a.tsv": ["0.5\t" * 1000 + "\n", "0 1 a\n" * LARGE, "1" * 4000 + "x 1 a\n"],
     "a.ctm": ["r 1 0 1 a\n" * LARGE],
-    "a.json": ["[" * LARGE, "[]" * LARGE, '{"words":[' + '["a",0,1],' * 2 * LARGE + "[]]}"],
+    "a.json": ["[" * LARGE, "[]" * LARGE, '{"words":[' + '["a",0,1],' * LARGE + "[]]}"],
 }
 
 

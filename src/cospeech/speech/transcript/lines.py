@@ -11,6 +11,7 @@ from cospeech.speech.transcript.entries import Entries, Entry, require_few
 
 _MAX_LINE_CHARACTERS = 5_000
 _MAX_NUMBER_CHARACTERS = 40
+_MOST_LINES = 500_000
 
 _ESCAPE = re.compile(r"\\(?:x([0-9a-fA-F]{2})|u([0-9a-fA-F]{4})|(.))")
 _CONTROL = {"n": "\n", "t": "\t", "r": "\r", "b": "", "f": ""}
@@ -21,9 +22,12 @@ def numbered_lines(path: Path, text: str, blank: bool = False) -> Iterator[tuple
     """Lines with their place, e.g. ("line 3", "0.1 0.2 word"); blank ones only where asked for.
 
     Raises:
-        InputFileError: A line is absurdly long.
+        InputFileError: A line is absurdly long, or there are absurdly many.
     """
     for number, line in enumerate(text.splitlines(), start=1):
+        if number > _MOST_LINES:
+            problem, hint = f"more than {_MOST_LINES} lines", "give the transcript of one recording"
+            raise InputFileError(path, problem, hint=hint)
         if len(line) > _MAX_LINE_CHARACTERS:
             raise InputFileError(
                 path,

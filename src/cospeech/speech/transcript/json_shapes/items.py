@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import MOST_ENTRIES, Entry, require_few
+from cospeech.speech.transcript.entries import Entry, require_few
 from cospeech.speech.transcript.lines import number
 
 TEXT_KEYS = ("word", "text", "label", "value", "content", "body")
@@ -56,7 +56,7 @@ class Document:
             InputFileError: It is something else, a time is none, or it is one too many.
         """
         self.made += 1
-        require_few(self.path, self.made, 2 * MOST_ENTRIES)  # tokens are more than words
+        require_few(self.path, self.made)
         if isinstance(item, list) and len(item) == 3:
             item = dict(zip(("word", "start", "end"), item, strict=True))
         text = first(item, TEXT_KEYS) if isinstance(item, dict) else None
