@@ -28,9 +28,12 @@ MOST_DIGITS = 30
 """No number that a file of ours or of a user's needs is longer; Python's integers have no end."""
 
 DEEPEST_YAML = 20
+MOST_DOCUMENTS = 100_000
+"""One after another in a stream of JSON."""
 
 _log = logging.getLogger(__name__)
 _LONG_NUMBER = re.compile(rf"[0-9]{{{MOST_DIGITS + 1}}}")
+_NOT_BLANK = re.compile(r"\S")
 _SURROGATE_ESCAPE = re.compile(r"\\u[dD][89a-fA-F]")
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
@@ -111,18 +114,47 @@ def parse_json(path: str | Path, text: str, what: str, hint: str | None = None) 
     Raises:
         InputFileError: No JSON, nested too deep, or a number of more than `MOST_DIGITS` digits.
     """
-    # A function of ours per integer is slow, and hardly a file has a long one.
-    integer = _integer if _LONG_NUMBER.search(text) else None
+    decoder = _decoder(text)
     try:
-        values = json.loads(text, parse_int=integer)
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        problem = f"is not valid JSON ({error.msg})"
-        raise InputFileError(path, problem, place, hint) from error
+        values = decoder.decode(text)
     except (RecursionError, ValueError) as error:
-        problem = f"is not {what}: nested too deep, or a number too long ({error})"
-        raise InputFileError(path, problem, hint=hint) from error
+        raise _no_json(path, error, what, hint) from error
     return _without_surrogates(values) if _SURROGATE_ESCAPE.search(text) else values
+
+
+def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None = None) -> list[Any]:
+    """The values of JSON documents that were written one after another.
+
+    Raises:
+        InputFileError: As `parse_json`, or more than `MOST_DOCUMENTS`.
+    """
+    decoder = _decoder(text)
+    documents: list[Any] = []
+    place = _NOT_BLANK.search(text)
+    while place is not None:
+        if len(documents) == MOST_DOCUMENTS:
+            problem = f"holds more than {MOST_DOCUMENTS} JSON documents"
+            raise InputFileError(path, problem, hint=hint)
+        try:
+            document, end = decoder.raw_decode(text, place.start())
+        except (RecursionError, ValueError) as error:
+            raise _no_json(path, error, what, hint) from error
+        documents.append(document)
+        place = _NOT_BLANK.search(text, end)
+    return _without_surrogates(documents) if _SURROGATE_ESCAPE.search(text) else documents
+
+
+def _decoder(text: str) -> json.JSONDecoder:
+    # A function of ours per integer is slow, and hardly a file has a long one.
+    return json.JSONDecoder(parse_int=_integer if _LONG_NUMBER.search(text) else None)
+
+
+def _no_json(path: str | Path, error: Exception, what: str, hint: str | None) -> InputFileError:
+    if isinstance(error, json.JSONDecodeError):
+        place = f"line {error.lineno}, column {error.colno}"
+        return InputFileError(path, f"is not valid JSON ({error.msg})", place, hint)
+    problem = f"is not {what}: nested too deep, or a number too long ({error})"
+    return InputFileError(path, problem, hint=hint)
 
 
 def read_yaml(

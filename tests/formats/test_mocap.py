@@ -190,7 +190,10 @@ def test_motion_is_cut_to_shorter_audio_and_words_beyond_are_dropped(tmp_path):
     assert len(recording.speech.waveform) == 54_400
     assert recording.speech.words is not None
     assert [word.text for word in recording.speech.words] == ["hello", "there"]
-    assert "warnings" not in recording.annotations
+    assert recording.annotations["warnings"] == [
+        "t.tsv: 1 word of 3 left out, after the end of the sound: the words go on to 4.2 s, the"
+        " sound to 3.4 s; is it the transcript of this recording?"
+    ]
 
 
 def test_a_second_of_difference_is_a_warning_and_a_fifth_an_error(tmp_path):
@@ -211,7 +214,8 @@ def test_a_second_of_difference_is_a_warning_and_a_fifth_an_error(tmp_path):
 def test_a_transcript_of_another_take_is_a_warning(tmp_path):
     recording = read_take(take_of(tmp_path, words=TSV + "8.0\t9.0\tlate\n"))
     assert recording.annotations["warnings"] == [
-        "t.tsv goes on to 9.0 s, the audio ends at 4.0 s: is it the transcript of this take?"
+        "t.tsv: 1 word of 4 left out, after the end of the sound: the words go on to 9.0 s, the"
+        " sound to 4.0 s; is it the transcript of this recording?"
     ]
 
 

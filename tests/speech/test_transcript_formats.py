@@ -351,14 +351,15 @@ def test_overlaps_and_negative_starts_stay_and_order_is_by_onset(tmp_path):
     assert read_transcript(tmp_path / "a.tsv") == (
         Word("a", -0.2, 1.1),
         Word("b", 1.0, 1.5),
-        Word("c", 2.0, 2.0),  # rounding in the file
+        Word("c", 2.0, 2.07),  # rounding in the file: as long as a letter takes
     )
 
 
 def test_textgrid_labels_may_hold_quotes_tabs_and_lines(tmp_path):
     content = LONG_TEXTGRID.replace('"hello"', '"""hel\nlo"""').replace("0.5\n", "5e-1 \n")
     (tmp_path / "a.TextGrid").write_text(content)
-    assert read_transcript(tmp_path / "a.TextGrid")[0] == Word('"hel\nlo"', 0.5, 1.0)
+    words = read_transcript(tmp_path / "a.TextGrid")
+    assert words[:2] == (Word('"hel', 0.5, 0.8), Word('lo"', 0.8, 1.0))
 
 
 def test_textgrid_times_may_be_negative(tmp_path):
@@ -377,7 +378,12 @@ def test_praatio_reads_the_same(tmp_path):
     for form in ("short_textgrid", "long_textgrid"):
         grid.save(str(tmp_path / "a.TextGrid"), form, includeBlankSpaces=True)
         words = read_transcript(tmp_path / "a.TextGrid")
-        assert [(word.start, word.end, word.text) for word in words] == entries
+        assert [(word.start, word.end, word.text) for word in words] == [
+            (1.0, 2.0, "a"),
+            (2.0, 2.75, "b"),
+            (2.75, 3.5, "c"),
+            (4.0, 9.0, 'd"e'),
+        ]
 
 
 def bad_textgrid(old, new):
@@ -400,7 +406,7 @@ BROKEN = [
         "a.TextGrid",
         bad_textgrid('"words"', '"x"')
         .replace("TextTier", "IntervalTier")
-        .replace("mark", "xmax = 2 text"),
+        .replace('mark = "!"', 'xmax = 2 text = "ding"'),
         r"no interval tier is called 'words' \(tiers: 'x', 'bell'",
     ),
     (
@@ -413,7 +419,7 @@ BROKEN = [
     ("a.json", "{", r"line 1, column 2: is not valid JSON|not valid JSON"),
     ("a.json", "[" * 100_000, "is not a transcript|not valid JSON"),
     ("a.json", "[1" + "0" * 5000 + "]", "is not a transcript"),
-    ("a.json", "3", "is JSON but not a transcript\n  -> expected Gentle"),
+    ("a.json", "3", "is JSON but not a transcript of a known shape\n  -> known are .*Gentle"),
     ("a.json", '{"foo": []}', "is JSON but not a transcript"),
     ("a.json", '[{"alternatives": 3}]', "no word in the transcript"),
     ("a.json", '{"words": [{"word": 3}]}', r"words\[0\]: expected a word"),
@@ -423,7 +429,7 @@ BROKEN = [
         r"words\[0\]: 'x' is not a time",
     ),
     ("a.json", '{"words": [{"word": "a", "start": true, "end": 1}]}', r"True is not a time"),
-    ("a.json", '{"words": [{"word": "a", "start": NaN, "end": 1}]}', r"the time of 'a' is nan"),
+    ("a.json", '{"words": [{"word": "a", "start": NaN}]}', r"no word in it has a time"),
     (
         "a.json",
         '{"words": [{"word": "a", "start": 0, "end": 1e300}]}',
@@ -489,7 +495,7 @@ def test_missing_folder_encoding_and_size(tmp_path, monkeypatch):
         read_transcript(tmp_path / "latin.txt")
     monkeypatch.setattr("cospeech.speech.transcript.reader.MAX_FILE_BYTES", 1 << 20)
     (tmp_path / "big.txt").write_bytes(b"a " * (1 << 20))
-    with pytest.raises(InputFileError, match="larger than 1 MiB"):
+    with pytest.raises(InputFileError, match=r"too long for a transcript \(over 1048576"):
         read_transcript(tmp_path / "big.txt")
 
 

@@ -243,13 +243,26 @@ def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
         transcript = read_transcript_with_timing(take.transcript, start + audio_s)
     except CospeechError:
         return []  # empty: the recording has no words, which is looked at with it
+    noted = [_note(files, note) for note in transcript.notes]
     if transcript.timing == SPREAD_TIMING:
-        return []
+        return noted
     words = [Word(word.text, word.start - start, word.end - start) for word in transcript.words]
     if start > 0:
         words = [word for word in words if word.end > 0]
         words = [Word(word.text, max(0.0, word.start), word.end) for word in words]
-    return check_words_end(words, audio_s, files)
+    return noted + check_words_end(words, audio_s, files)
+
+
+def _note(files: Files, note: str) -> Finding:
+    """What the reader of transcripts left out, moved or converted."""
+    return Finding(
+        Check.WORD_TIMES,
+        Severity.WARNING,
+        files.words,
+        None,
+        note,
+        "correct the transcript, or go on with the words as they are read",
+    )
 
 
 def _dropped(dropped: Dropped, name: str) -> Finding:

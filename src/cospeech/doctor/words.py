@@ -10,6 +10,7 @@ from cospeech.doctor.audio import LEVEL_HZ, SILENT_DB, level_db
 from cospeech.doctor.findings import Check, Files, Finding, Severity
 from cospeech.doctor.stretches import word_intervals
 from cospeech.speech.speech import Speech, Word
+from cospeech.speech.transcript import TIME_UNITS
 
 BEYOND_S, FAR_BEYOND_S = 0.1, 0.5
 """How far words may reach over an end of the audio, s: aligners round, and cut clips keep the word
@@ -24,16 +25,6 @@ reach 8 for a moment."""
 
 LONGEST_WORD_S = 4.0
 """A longer word swallowed a pause."""
-
-TIME_UNITS: tuple[tuple[float, str], ...] = (
-    (1e3, "milliseconds"),
-    (1e2, "hundredths of a second"),
-    (1e7, "HTK's units of 100 ns"),
-    (16000.0, "samples at 16 kHz"),
-    (44100.0, "samples at 44.1 kHz"),
-    (48000.0, "samples at 48 kHz"),
-)
-"""Units per second of word times that are not seconds."""
 
 SPEAKING_RANGE_DB = 20.0
 """Speech and its pauses lie this far apart in level; a hum or noise alone does not."""

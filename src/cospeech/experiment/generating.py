@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,10 @@ from cospeech.reporting.files import replacing
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.record import read_record
 from cospeech.speech.audio import load_audio
-from cospeech.speech.speech import Speech
-from cospeech.speech.transcript import read_transcript
+from cospeech.speech.speech import SAMPLE_RATE, Speech
+from cospeech.speech.transcript import read_transcript_with_timing
+
+_log = logging.getLogger(__name__)
 
 
 def generate(cfg: DictConfig) -> Motion:
@@ -45,7 +48,11 @@ def generate(cfg: DictConfig) -> Motion:
     waveform = load_audio(to_absolute_path(cfg.audio))
     words = None
     if cfg.transcript is not None:
-        words = read_transcript(to_absolute_path(cfg.transcript), len(waveform) / 16_000)
+        path = to_absolute_path(cfg.transcript)
+        transcript = read_transcript_with_timing(path, len(waveform) / SAMPLE_RATE)
+        words = transcript.words
+        for note in transcript.notes:
+            _log.warning("%s: %s", cfg.transcript, note)
     speech = Speech(waveform, words)
     controls = None
     if cfg.controls is not None:

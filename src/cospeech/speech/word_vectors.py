@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import understood
 from cospeech.progress import progress_bar
 from cospeech.speech.fasttext_binary import MAGIC, FastTextModel
 from cospeech.speech.vocabulary import SPECIAL_TOKENS
@@ -18,6 +19,7 @@ from cospeech.speech.vocabulary import SPECIAL_TOKENS
 _log = logging.getLogger(__name__)
 
 _MAX_DIMENSIONS = 4_096
+_MAX_WORDS = 10**9
 _MAX_LINE_BYTES = 1 << 17  # 4096 values of 30 characters
 _ARCHIVES = {b"PK\x03\x04": "unzip", b"\x1f\x8b\x08\x00": "gunzip", b"\x1f\x8b\x08\x08": "gunzip"}
 
@@ -84,12 +86,13 @@ def find_word_vectors(
             "no such word vectors",
             hint="download crawl-300d-2M-subword from fasttext.cc and unzip it",
         )
-    with path.open("rb") as file:
+    with understood(path, "fastText vectors"), path.open("rb") as file:
         head = file.read(4)
     if head in _ARCHIVES:
         raise InputFileError(path, "is compressed", hint=f"{_ARCHIVES[head]} {path.name}")
     is_binary = int.from_bytes(head, "little") == MAGIC
-    return _from_binary(path, words) if is_binary else _from_text(path, words)
+    with understood(path, "fastText vectors", hint="get the file again"):
+        return _from_binary(path, words) if is_binary else _from_text(path, words)
 
 
 def _from_binary(path: Path, words: Sequence[str]) -> tuple[int, dict[str, NDArray[np.float32]]]:
@@ -136,7 +139,7 @@ def _text_header(path: Path, line: bytes) -> tuple[int, int]:
         total, dimensions = (int(field) for field in line.split())
     except ValueError:
         total = dimensions = 0
-    if not (total > 0 and 0 < dimensions <= _MAX_DIMENSIONS):
+    if not (0 < total <= _MAX_WORDS and 0 < dimensions <= _MAX_DIMENSIONS):
         raise InputFileError(
             path,
             f"does not begin with a word count and a dimension, but with {line[:40]!r}",

@@ -24,7 +24,7 @@ from cospeech.motion.phases import frame_phases
 from cospeech.motion.upper_body import doubts_about, to_upper_body
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
-from cospeech.speech.transcript import read_transcript_with_timing, spread_text
+from cospeech.speech.transcript import read_transcript_with_timing
 
 TOLERATED_S = 1.0
 TOLERATED_SHARE = 0.2
@@ -248,14 +248,10 @@ def _words(
     if path.stat().st_size < 64 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf"):
         warnings.append(f"{path.name} is empty: nobody speaks in this take")
         return (), "words"
-    transcript = read_transcript_with_timing(path, start + audio_s)
-    words = [one for word in transcript.words for one in _single_words(word)]
-    end = words[-1].end - start
-    if take.excerpt.duration is None and end > audio_s + TOLERATED_S:
-        warnings.append(
-            f"{path.name} goes on to {end:.1f} s, the audio ends at {audio_s:.1f} s:"
-            " is it the transcript of this take?"
-        )
+    is_excerpt = take.excerpt.duration is not None
+    transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
+    warnings += [f"{path.name}: {note}" for note in transcript.notes]
+    words = list(transcript.words)
     if start > 0:
         words = [
             Word(word.text, max(0.0, word.start - start), word.end - start)
@@ -263,13 +259,6 @@ def _words(
             if word.end > start
         ]
     return tuple(words), transcript.timing
-
-
-def _single_words(word: Word) -> tuple[Word, ...]:
-    """GENEA's and Google's "words" can be two or three: "I am", "a lot."."""
-    if len(word.text.split()) < 2:
-        return (word,)
-    return spread_text(word.text, word.start, word.end) or (word,)
 
 
 def _interlocutor(take: Take, voice: Voice, shared_s: float, warnings: list[str]) -> Speech:

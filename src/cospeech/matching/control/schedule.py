@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
-import yaml
-
 from cospeech.errors import ConfigError, InputFileError
+from cospeech.foreign import read_json, read_yaml
 from cospeech.matching.control.expressions import Criterion, parse_criterion
 from cospeech.matching.control.suggestions import did_you_mean
 from cospeech.matching.control.words import WordPattern
@@ -19,7 +17,6 @@ from cospeech.matching.control.words import WordPattern
 MOST_BYTES = 2**18
 MOST_ENTRIES = 1000
 _LATEST_S = 1e9
-_DEEPEST_YAML = 8
 
 WhenEmpty = Literal["ignore", "previous", "error"]
 """What a step does whose criteria leave no window: go without control, keep the step before's
@@ -139,53 +136,14 @@ def read_values(path: str | Path) -> dict[str, Any] | list[Any] | str:
     Raises:
         InputFileError: It can't be read, or is neither yaml nor JSON.
     """
-    path = Path(path)
-    try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise InputFileError(path, f"can't be read ({error.strerror})") from error
-    if len(data) > MOST_BYTES:
-        raise InputFileError(path, f"too long for controls (over {MOST_BYTES} bytes)")
-    try:
-        if path.suffix.lower() == ".json":
-            values = json.loads(data)
-        else:
-            text = data.decode()
-            _require_plain(path, text)
-            values = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        kind = "JSON" if path.suffix.lower() == ".json" else "yaml"
-        raise InputFileError(path, f"not valid {kind}: {error}", hint=_EXAMPLES) from None
+    is_json = Path(path).suffix.lower() == ".json"
+    read = read_json if is_json else read_yaml
+    values = read(path, "a schedule of controls", MOST_BYTES, _EXAMPLES)
     if values is None:
         raise InputFileError(path, "is empty", hint=_EXAMPLES)
     if not isinstance(values, (dict, list, str)):
         raise InputFileError(path, "holds no list of controls", hint=_EXAMPLES)
     return values
-
-
-_OPENING = (
-    yaml.FlowSequenceStartToken,
-    yaml.FlowMappingStartToken,
-    yaml.BlockSequenceStartToken,
-    yaml.BlockMappingStartToken,
-)
-_CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndToken)
-
-
-def _require_plain(path: Path, text: str) -> None:
-    """Neither aliases, of which a few can stand for billions of entries, nor depth, which is slow.
-
-    Raises:
-        InputFileError: One of them is there.
-    """
-    depth = 0
-    for token in yaml.scan(text):
-        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
-        if isinstance(token, yaml.AliasToken):
-            raise InputFileError(path, "has yaml aliases (*name)", hint="write them out")
-        if depth > _DEEPEST_YAML:
-            raise InputFileError(path, f"nested more than {_DEEPEST_YAML} deep", hint=_EXAMPLES)
 
 
 def _entry(number: int, values: Any) -> SpanControl | KeywordControl:

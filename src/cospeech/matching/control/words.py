@@ -4,36 +4,43 @@ from __future__ import annotations
 
 import re
 import unicodedata
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.foreign import linear_pattern
 
 MOST_PATTERN_CHARACTERS = 200
-MOST_REPEATS = 6
 LONGEST_WORD = 40
-"""Characters; nothing longer matches, as a pattern's cost grows with the word."""
+"""Characters; nothing longer is a word."""
 
-_EDGES = re.compile(r"^[\W_]+|[\W_]+$")
-_ESCAPES_AND_SETS = re.compile(r"\\.|\[\^?\]?[^\]]*\]")
+_EDGES = re.compile(r"^[\W_]+|[\W_]+\Z")
+_ESCAPE_OR_BRACKET = re.compile(r"\\.|\[\^?\]?|\]", re.DOTALL)
+_CLASSES = {
+    r"\w": r"\p{L}\p{M}\p{N}_",
+    r"\W": r"\p{Pd}\p{Ps}\p{Pe}\p{Pi}\p{Pf}\p{Po}\p{S}\p{Z}\p{C}",
+    r"\d": r"\p{Nd}",
+    r"\D": r"\P{Nd}",
+}
 
 
 @dataclass(frozen=True)
 class WordPattern:
     """A regular expression that the whole word has to match, upper or lower case.
 
-    A search that goes back and forth could take years on a long word, so repeats are bounded.
+    A search takes time in proportion to the word, whatever the expression says; look-around and
+    references back to a group aren't known.
 
     Attributes:
         text: The expression, e.g. ``"big|huge|enormous"``.
 
     Raises:
-        ConfigError: It is no regular expression, too long, or repeats too much.
+        ConfigError: It is no such expression, or too long.
     """
 
     text: str
-    _regex: re.Pattern[str] = field(init=False, repr=False, compare=False)
+    _regex: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.text.strip():
@@ -44,22 +51,13 @@ class WordPattern:
                 f" than {MOST_PATTERN_CHARACTERS}",
                 "join several shorter ones: word(...) or word(...)",
             )
-        plain = _ESCAPES_AND_SETS.sub("x", self.text).replace("(?", "(")
-        repeats = sum(plain.count(sign) for sign in "*+?{")
-        if re.search(r"\)[*+{]", plain) or repeats > MOST_REPEATS:
-            raise ConfigError(
-                f"the pattern of words {self.text!r} repeats a group or more than {MOST_REPEATS}"
-                " parts, which could take for ever",
-                "spell the words out: one|two|three",
-            )
+        spelled = _in_every_alphabet(unicodedata.normalize("NFC", self.text))
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # that [[ may mean something else some day
-                regex = re.compile(unicodedata.normalize("NFC", self.text), re.IGNORECASE)
-        except (re.error, OverflowError, RecursionError) as error:
+            regex = linear_pattern(spelled, ignore_case=True)
+        except CospeechError as error:
             raise ConfigError(
-                f"the pattern of words {self.text!r} is no regular expression: {error}",
-                "give words, e.g. big|huge|enormous",
+                f"the pattern of words {self.text!r} can't be taken: {error.problem}",
+                f"give words, e.g. big|huge|enormous; {error.hint}",
             ) from None
         object.__setattr__(self, "_regex", regex)
 
@@ -67,8 +65,9 @@ class WordPattern:
         """Whether a word is meant, as it is or without the punctuation around it."""
         if len(word) > 2 * LONGEST_WORD:
             return False
-        # Transcripts of some systems spell an accented letter as two characters.
-        word = unicodedata.normalize("NFC", word)
+        # Transcripts of some systems spell an accented letter as two characters, and half a
+        # surrogate pair is no character at all.
+        word = unicodedata.normalize("NFC", word.encode("utf-8", "replace").decode())
         forms = {word.strip(), _EDGES.sub("", word)}
         return any(
             0 < len(form) <= LONGEST_WORD and self._regex.fullmatch(form) is not None
@@ -78,3 +77,21 @@ class WordPattern:
     def among(self, vocabulary: Iterable[str]) -> list[int]:
         """Indices of the words that are meant."""
         return [i for i, word in enumerate(vocabulary) if self.matches(word)]
+
+
+def _in_every_alphabet(pattern: str) -> str:
+    r"""The pattern with ``\w`` and ``\d`` spelt out, which are a to z and 0 to 9 alone in RE2."""
+    inside = False
+
+    def spelled(found: re.Match[str]) -> str:
+        nonlocal inside
+        sign = found.group()
+        if sign.startswith("[") and not inside:
+            inside = True
+        elif sign == "]":
+            inside = False
+        elif sign in _CLASSES:
+            return _CLASSES[sign] if inside else f"[{_CLASSES[sign]}]"
+        return sign
+
+    return _ESCAPE_OR_BRACKET.sub(spelled, pattern)

@@ -1,9 +1,7 @@
-"""What every transcript format is reduced to, and the checks they share."""
+"""What every transcript format is reduced to."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -13,17 +11,8 @@ from cospeech.speech.speech import Word
 
 Timing = Literal["words", "spread"]
 
-SILENCE_LABELS = frozenset(
-    {"", "sil", "sp", "spn", "pau", "<eps>", "<sil>", "<p>", "<p:>", "{sl}", "{sp}", "#"}
-)
-"""Labels (lower case) by which aligners mark an interval without a word."""
-
-_SPOKEN_SYMBOLS = frozenset("&%@$€£+")
-
-MAX_WORD_CHARACTERS = 1_000
-MAX_TIME_S = 1e6
-
-_ROUNDING_S = 1e-3  # an end this much before its start is rounding in the file, not a mistake
+MOST_ENTRIES = 100_000
+"""Words of one recording: eleven hours of talk."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +21,17 @@ class Transcript:
 
     Attributes:
         words: In order of onset; `end >= start`; neighbours may overlap a little, as in the file.
-        timing: "words" when the file times each word; "spread" when it times whole phrases (or
-            nothing), over which the words were spread in proportion to their letters.
+        timing: "words" when the file times most words one by one; "spread" when it times whole
+            phrases (or nothing), over which the words were spread in proportion to their letters.
+        notes: What was left out, moved or taken for another unit, one sentence each, with counts.
     """
 
     words: tuple[Word, ...]
     timing: Timing
+    notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Entry:
     """One timed text of a file; a time is None where the file knows none.
 
@@ -49,12 +40,14 @@ class Entry:
         start: Onset, s.
         end: Offset, s.
         place: Where it stands in the file, for messages.
+        is_phrase: The times are those of a phrase, even if it has one word.
     """
 
     text: str
     start: float | None
     end: float | None
     place: str
+    is_phrase: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,70 +56,30 @@ class Entries:
 
     Attributes:
         entries: In the order of the file.
-        are_phrases: The entries are phrases whose words have no times of their own.
+        notes: What the parser left out, one sentence each.
+        are_seconds: The format says in which unit its times are; otherwise they are seconds unless
+            no speech could have such times.
     """
 
     entries: tuple[Entry, ...]
-    are_phrases: bool = False
+    notes: tuple[str, ...] = ()
+    are_seconds: bool = False
 
 
-def is_spoken(label: str) -> bool:
-    """Whether a label stands for a word, not for a silence, a dash or a note."""
-    label = label.strip()
-    return label.lower() not in SILENCE_LABELS and any(
-        character.isalnum() or character in _SPOKEN_SYMBOLS for character in label
-    )
-
-
-def checked_entries(path: Path, entries: Iterable[Entry]) -> list[Entry]:
-    """The spoken entries, stripped; silences and lone punctuation are dropped.
+def require_few(path: Path, count: int, most: int = MOST_ENTRIES) -> None:
+    """Refuse a file of more words than anybody says.
 
     Raises:
-        InputFileError: A text is absurdly long, or a time is not finite, huge or reversed.
+        InputFileError: It has more.
     """
-    spoken = []
-    for entry in entries:
-        text = entry.text.strip()
-        if not is_spoken(text):
-            continue
-        start, end = entry.start, entry.end
-        for time in (start, end):
-            if time is not None and not (math.isfinite(time) and abs(time) <= MAX_TIME_S):
-                raise InputFileError(
-                    path,
-                    f"the time of {text[:40]!r} is {time}",
-                    place=entry.place,
-                    hint="times are seconds from the start of the recording",
-                )
-        if start is not None and end is not None and end < start:
-            if start - end > _ROUNDING_S:
-                raise InputFileError(
-                    path,
-                    f"{text[:40]!r} ends at {end:g} s, before it starts at {start:g} s",
-                    place=entry.place,
-                    hint="correct the two times",
-                )
-            end = start
-        spoken.append(Entry(text, start, end, entry.place))
-    return spoken
+    if count > most:
+        raise InputFileError(
+            path,
+            f"holds more than {most} words",
+            hint="give the transcript of one recording",
+        )
 
 
-def words_of(path: Path, entries: list[Entry]) -> list[Word]:
-    """Entries whose times are all known as words, in order of onset.
-
-    Raises:
-        InputFileError: A word is absurdly long.
-    """
-    words = []
-    for entry in entries:
-        assert entry.start is not None  # filled in by now
-        assert entry.end is not None
-        if len(entry.text) > MAX_WORD_CHARACTERS:
-            raise InputFileError(
-                path,
-                f"a word of {len(entry.text)} letters ({entry.text[:40]!r}...)",
-                place=entry.place,
-                hint="one word per entry is expected",
-            )
-        words.append(Word(entry.text, entry.start, entry.end))
-    return sorted(words, key=lambda word: (word.start, word.end))
+def counted(count: int, what: str, plural: str | None = None) -> str:
+    """A number with its noun: ``1 word``, ``2 words``."""
+    return f"{count} {what if count == 1 else plural or what + 's'}"

@@ -1,24 +1,33 @@
-"""Transcripts with one word per line: TSV, CTM and bracketed lists."""
+"""Lines and numbers of text formats, and transcripts of one bracketed list per line."""
 
 from __future__ import annotations
 
-import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import Entries, Entry
+from cospeech.speech.transcript.entries import Entries, Entry, require_few
 
 _MAX_LINE_CHARACTERS = 5_000
+_MAX_NUMBER_CHARACTERS = 40
+_MOST_LINES = 500_000
+
+_ESCAPE = re.compile(r"\\(?:x([0-9a-fA-F]{2})|u([0-9a-fA-F]{4})|(.))")
+_CONTROL = {"n": "\n", "t": "\t", "r": "\r", "b": "", "f": ""}
+_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
-def numbered_lines(path: Path, text: str) -> Iterator[tuple[str, str]]:
-    """Non-blank lines with their place, e.g. ("line 3", "0.1 0.2 word").
+def numbered_lines(path: Path, text: str, blank: bool = False) -> Iterator[tuple[str, str]]:
+    """Lines with their place, e.g. ("line 3", "0.1 0.2 word"); blank ones only where asked for.
 
     Raises:
-        InputFileError: A line is absurdly long.
+        InputFileError: A line is absurdly long, or there are absurdly many.
     """
     for number, line in enumerate(text.splitlines(), start=1):
+        if number > _MOST_LINES:
+            problem, hint = f"more than {_MOST_LINES} lines", "give the transcript of one recording"
+            raise InputFileError(path, problem, hint=hint)
         if len(line) > _MAX_LINE_CHARACTERS:
             raise InputFileError(
                 path,
@@ -26,62 +35,33 @@ def numbered_lines(path: Path, text: str) -> Iterator[tuple[str, str]]:
                 place=f"line {number}",
                 hint="one word per line is expected",
             )
-        if line.strip():
+        if blank or line.strip():
             yield f"line {number}", line
 
 
-def parse_tsv(path: Path, text: str) -> Entries:
-    """``start end word`` in seconds, tab- or space-separated (GENEA 2022).
+def number(text: str) -> float | None:
+    """The number that a text is, and None where it is none (or one of hundreds of digits).
 
-    A header line names the columns. Whisper's ``start end text`` header means phrases in
-    milliseconds.
-
-    Raises:
-        InputFileError: A line has no two numbers and a text.
+    A comma may stand for the point.
     """
-    entries: list[Entry] = []
-    is_whisper = False
-    for place, line in numbered_lines(path, text):
-        separator = "\t" if "\t" in line else None
-        fields = [field.strip() for field in line.split(separator, maxsplit=2)]
-        if not entries and [field.lower() for field in fields[:2]] == ["start", "end"]:
-            is_whisper = fields[2:] == ["text"]
-            continue
-        if len(fields) == 2:
-            fields.append("")  # an unlabelled interval is a silence
-        start, end = _times(path, place, fields, (0, 1), "start, end and word")
-        scale = 1e-3 if is_whisper else 1.0
-        entries.append(Entry(fields[2], start * scale, end * scale, place))
-    return Entries(tuple(entries), are_phrases=is_whisper)
+    text = text.strip()
+    if not text or len(text) > _MAX_NUMBER_CHARACTERS or "_" in text or text.endswith(","):
+        return None
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return None
 
 
-def parse_ctm(path: Path, text: str) -> Entries:
-    """``recording channel start duration word [confidence]`` in seconds (NIST CTM).
-
-    Raises:
-        InputFileError: A line is broken, or several recordings are mixed.
-    """
-    entries: list[Entry] = []
-    recordings: dict[str, None] = {}
-    for place, line in numbered_lines(path, text):
-        if line.lstrip().startswith(";;"):
-            continue
-        fields = line.split()
-        start, duration = _times(
-            path, place, fields, (2, 3), "recording, channel, start, duration and word"
-        )
-        if len(fields) < 5:
-            raise InputFileError(path, f"no word in {line[:60]!r}", place, "add the fifth column")
-        recordings[fields[0]] = None
-        entries.append(Entry(fields[4], start, start + duration, place))
-    if len(recordings) > 1:
-        names = ", ".join(list(recordings)[:3])
-        raise InputFileError(
-            path,
-            f"holds the words of {len(recordings)} recordings ({names} ...)",
-            hint="keep the lines of one recording per file",
-        )
-    return Entries(tuple(entries))
+def is_bracketed(line: str) -> bool:
+    """Whether a line looks like ``['word', 0.1, 0.2]``."""
+    line = line.strip().rstrip(",")
+    return (
+        line.startswith(("[", "("))
+        and line.endswith(("]", ")"))
+        and line[1:].lstrip().startswith(("'", '"'))
+        and line.count(",") >= 2
+    )
 
 
 def parse_bracketed(path: Path, text: str) -> Entries:
@@ -90,34 +70,34 @@ def parse_bracketed(path: Path, text: str) -> Entries:
     Raises:
         InputFileError: A line is something else.
     """
-    entries = []
+    entries: list[Entry] = []
     for place, line in numbered_lines(path, text):
-        try:
-            item = ast.literal_eval(line.strip().rstrip(","))
-        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
-            item = None
-        match item:
-            case [str(word), int() | float() as start, int() | float() as end]:
-                entries.append(Entry(word, float(start), float(end), place))
-            case _:
-                raise InputFileError(
-                    path,
-                    f"expected ['word', start, end], found {line.strip()[:60]!r}",
-                    place,
-                    "one such list per line, times in seconds",
-                )
+        require_few(path, len(entries))
+        entry = _bracketed(line.strip().rstrip(","), place)
+        if entry is None:
+            raise InputFileError(
+                path,
+                f"expected ['word', start, end], found {line.strip()[:60]!r}",
+                place,
+                "one such list per line, times in seconds",
+            )
+        entries.append(entry)
     return Entries(tuple(entries))
 
 
-def _times(
-    path: Path, place: str, fields: list[str], columns: tuple[int, int], expected: str
-) -> tuple[float, float]:
-    try:
-        return float(fields[columns[0]]), float(fields[columns[1]])
-    except (IndexError, ValueError) as error:
-        raise InputFileError(
-            path,
-            f"expected {expected}, found {' '.join(fields)[:60]!r}",
-            place,
-            "times are seconds, columns are separated by tabs or spaces",
-        ) from error
+def _bracketed(line: str, place: str) -> Entry | None:
+    if not is_bracketed(line):
+        return None
+    quoted, first, second = line[1:-1].rsplit(",", 2)
+    start, end = number(first), number(second)
+    quoted = quoted.strip()
+    if len(quoted) < 2 or quoted[0] != quoted[-1] or start is None or end is None:
+        return None
+    return Entry(_ESCAPE.sub(_unescaped, quoted[1:-1]), start, end, place)
+
+
+def _unescaped(found: re.Match[str]) -> str:
+    code = found[1] or found[2]
+    if code:
+        return _SURROGATE.sub("\ufffd", chr(int(code, 16)))
+    return _CONTROL.get(found[3], found[3])

@@ -3,49 +3,55 @@
 from __future__ import annotations
 
 import codecs
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import islice
 from pathlib import Path
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import read_bytes, understood
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript.entries import (
+    MOST_ENTRIES,
     Entries,
     Entry,
+    Timing,
     Transcript,
-    checked_entries,
-    words_of,
+    require_few,
 )
-from cospeech.speech.transcript.json_words import parse_json
-from cospeech.speech.transcript.lines import parse_bracketed, parse_ctm, parse_tsv
+from cospeech.speech.transcript.json_shapes import parse_json
+from cospeech.speech.transcript.lines import is_bracketed, parse_bracketed
+from cospeech.speech.transcript.plausibility import plausible_words, require_columns, spoken_entries
 from cospeech.speech.transcript.spreading import fill_in_times, spread_text
-from cospeech.speech.transcript.subtitles import CUE_TIMES, parse_subtitles
+from cospeech.speech.transcript.subtitles import is_cue_times, parse_subtitles
+from cospeech.speech.transcript.tables import is_ctm, is_table, parse_ctm, parse_table
 from cospeech.speech.transcript.textgrid import parse_textgrid
+from cospeech.speech.transcript.units import in_seconds
 
-MAX_FILE_BYTES = 64 * 2**20
-"""Largest transcript that is read: some hundred hours of talk."""
+MAX_FILE_BYTES = 16 * 2**20
+"""Largest transcript that is read: some forty hours of talk in the most wordy format."""
 
 _Parser = Callable[[Path, str], Entries]
 
 _BY_SUFFIX: dict[str, _Parser] = {
     ".textgrid": parse_textgrid,
     ".json": parse_json,
-    ".tsv": parse_tsv,
+    ".jsonl": parse_json,
+    ".tsv": parse_table,
     ".ctm": parse_ctm,
     ".srt": parse_subtitles,
     ".vtt": parse_subtitles,
 }
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_BY_LINE: tuple[tuple[re.Pattern[str], _Parser], ...] = (
-    (re.compile(r"""\s*[\[(]\s*(['"]).*\1\s*,[^'"]*[\])],?\s*$"""), parse_bracketed),
-    (CUE_TIMES, parse_subtitles),
-    (re.compile(rf"\s*\S+\s+\S+\s+{_NUMBER}\s+{_NUMBER}\s+\S"), parse_ctm),
-    (re.compile(rf"(?i)\s*(?:{_NUMBER}\s+{_NUMBER}(?:\s|$)|start\s+end\s)"), parse_tsv),
+_BY_LINE: tuple[tuple[Callable[[str], bool], _Parser], ...] = (
+    (is_bracketed, parse_bracketed),
+    (is_cue_times, parse_subtitles),
+    (is_table, parse_table),
+    (is_ctm, parse_ctm),
 )
 """How one line of a format looks, for files whose name doesn't say it."""
 
 _LINES_LOOKED_AT = 50
+_WHAT = "a transcript"
 _AUDIO_ALONE = "a transcript is optional: leave it out to go on with the audio alone"
 
 
@@ -54,73 +60,93 @@ def read_transcript(path: str | Path, duration_s: float | None = None) -> tuple[
     return read_transcript_with_timing(path, duration_s).words
 
 
-def read_transcript_with_timing(path: str | Path, duration_s: float | None = None) -> Transcript:
+def read_transcript_with_timing(
+    path: str | Path, duration_s: float | None = None, *, goes_on: bool = False
+) -> Transcript:
     """Read a transcript, and tell whether its words have times of their own.
 
-    Read are TextGrid (long and short), JSON (Gentle, Google, Whisper, Vosk, word lists), TSV, CTM,
-    lines of ``['word', start, end]``, SRT, VTT and plain text; UTF-8 or UTF-16. The suffix decides,
-    else the content. Silences ("sil", "<eps>", ...) and lone punctuation are dropped.
+    Read are TextGrid (long and short), JSON (of aligners, Whisper and its relatives, Vosk and the
+    speech services; `json_shapes` lists them), TSV and other tables with a start, an end and a text
+    (ELAN, Audacity, Praat), CTM, lines of ``['word', start, end]``, SRT, VTT and plain text; UTF-8
+    or UTF-16. The suffix decides, else the content. Silences ("sil", "<eps>", ...) and lone
+    punctuation are dropped; phrases are spread over their time.
+
+    Words come out with times that speech can have, or not at all; what was left out, moved or
+    converted is told in the transcript's notes.
 
     Args:
         path: The file.
-        duration_s: Length of the recording, s; needed for plain text, which is spread over it.
+        duration_s: Length of the sound, s; needed for plain text, which is spread over it.
+        goes_on: The sound is a part of what the file is about, and words beyond it are no fault.
 
     Raises:
-        InputFileError: Missing, broken, of unknown format, or without a word. Names the line or
-            entry.
+        InputFileError: Missing, broken, of unknown format, without a word, or with times that its
+            words can't have. Names the line or entry.
     """
     path = Path(path)
-    text = _read_text(path)
-    parser = _parser_for(path, text)
-    if parser is None:
-        if not text.strip():
-            raise InputFileError(path, "the transcript is empty", hint=_AUDIO_ALONE)
-        if duration_s is None:
-            raise InputFileError(
-                path,
-                "is plain text without word times",
-                hint="give the recording's duration to have the words spread over it, or align "
-                "them (e.g. Montreal Forced Aligner, Gentle, Whisper) and pass its output",
-            )
-        found = Entries((Entry(text, 0.0, duration_s, "the text"),), are_phrases=True)
-    else:
-        found = parser(path, text)
-    entries = checked_entries(path, found.entries)
-    if entries:
-        entries = fill_in_times(path, entries)
-    if found.are_phrases:
-        entries = _spread(entries)
-    words = tuple(words_of(path, entries))
-    if not words:
-        raise InputFileError(path, "no word in the transcript", hint=_AUDIO_ALONE)
-    return Transcript(words, "spread" if found.are_phrases else "words")
+    with understood(path, _WHAT, _AUDIO_ALONE):
+        text = _read_text(path)
+        parser = _parser_for(path, text)
+        found = _plain(path, text, duration_s) if parser is None else parser(path, text)
+        _require_bounded(path, found.entries)
+        entries, notes = spoken_entries(path, found.entries)
+        notes = [*found.notes, *notes]
+        require_columns(path, entries)
+        if not found.are_seconds:
+            entries, more = in_seconds(path, entries, None if goes_on else duration_s)
+            notes += more
+        if entries:
+            entries, more = fill_in_times(path, entries)
+            notes += more
+        entries, spread = _spread(path, entries)
+        words, more = plausible_words(path, entries, duration_s, goes_on)
+        if not words:
+            raise InputFileError(path, "no word in the transcript", hint=_AUDIO_ALONE)
+        timing: Timing = "spread" if spread > 0.5 * len(entries) else "words"
+        return Transcript(words, timing, (*notes, *more))
 
 
-def _spread(phrases: list[Entry]) -> list[Entry]:
-    words = []
-    for phrase in phrases:
-        assert phrase.start is not None  # filled in by now
-        assert phrase.end is not None
-        words += [
-            Entry(word.text, word.start, word.end, phrase.place)
-            for word in spread_text(phrase.text, phrase.start, phrase.end)
-        ]
-    return words
+def _plain(path: Path, text: str, duration_s: float | None) -> Entries:
+    if not text.strip():
+        raise InputFileError(path, "the transcript is empty", hint=_AUDIO_ALONE)
+    if duration_s is None:
+        raise InputFileError(
+            path,
+            "is plain text without word times",
+            hint="give the recording's duration to have the words spread over it, or align "
+            "them (e.g. Montreal Forced Aligner, Gentle, Whisper) and pass its output",
+        )
+    return Entries((Entry(text, 0.0, duration_s, "the text", is_phrase=True),), are_seconds=True)
+
+
+def _require_bounded(path: Path, entries: Sequence[Entry]) -> None:
+    require_few(path, len(entries))
+    for entry in entries:
+        if len(entry.text) > MOST_ENTRIES:
+            require_few(path, len(entry.text.split(None, MOST_ENTRIES + 1)))
+
+
+def _spread(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], int]:
+    """Entries of one word each, and how many of them share a time with others."""
+    words: list[Entry] = []
+    spread = 0
+    for entry in entries:
+        if not (entry.is_phrase or any(character.isspace() for character in entry.text)):
+            words.append(entry)
+            continue
+        assert entry.start is not None  # filled in by now
+        assert entry.end is not None
+        several = spread_text(entry.text, entry.start, entry.end)
+        words += [Entry(word.text, word.start, word.end, entry.place) for word in several]
+        spread += len(several)
+        require_few(path, len(words))
+    return words, spread
 
 
 def _read_text(path: Path) -> str:
     if not path.exists():
         raise InputFileError(path, "no such transcript", hint=f"check the path; {_AUDIO_ALONE}")
-    if not path.is_file():
-        raise InputFileError(path, "is not a file", hint="give one transcript file")
-    with path.open("rb") as file:
-        raw = file.read(MAX_FILE_BYTES + 1)
-    if len(raw) > MAX_FILE_BYTES:
-        raise InputFileError(
-            path,
-            f"is larger than {MAX_FILE_BYTES >> 20} MiB",
-            hint="give the transcript of one recording",
-        )
+    raw = read_bytes(path, _WHAT, MAX_FILE_BYTES, "give the transcript of one recording")
     is_utf16 = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
         text = raw.decode("utf-16" if is_utf16 else "utf-8-sig")
@@ -148,13 +174,14 @@ def _parser_for(path: Path, text: str) -> _Parser | None:
     by_suffix = _BY_SUFFIX.get(path.suffix.lower())
     if by_suffix is not None and text.strip():
         return by_suffix
-    start = text.lstrip()[:200]
+    start = text[:1000].lstrip()
     if start.startswith(("File type", '"ooTextFile')):
         return parse_textgrid
     if start.startswith("WEBVTT"):
         return parse_subtitles
-    lines = [line for line in text.splitlines() if line.strip()][:_LINES_LOOKED_AT]
-    for pattern, parser in _BY_LINE:
-        if any(pattern.match(line[:1000]) for line in lines):
+    head = (line[:1000] for line in text[: 1000 * _LINES_LOOKED_AT].splitlines() if line.strip())
+    lines = list(islice(head, _LINES_LOOKED_AT))
+    for is_line, parser in _BY_LINE:
+        if any(map(is_line, lines)):
             return parser
     return parse_json if start.startswith(("{", "[")) else None

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import logging
 import statistics
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cospeech.errors import InputFileError
 from cospeech.speech.speech import Word
-from cospeech.speech.transcript.entries import Entry
+from cospeech.speech.transcript.entries import Entry, counted
 
-_log = logging.getLogger(__name__)
-
-_TYPICAL_LETTER_S = 0.07  # English at about 180 words per minute; used when no word is timed
+TYPICAL_LETTER_S = 0.07
+"""English at about 180 words per minute; used where no word is timed, s."""
 
 
 def letters(text: str) -> int:
@@ -47,13 +46,13 @@ def spread_text(text: str, start: float, end: float) -> tuple[Word, ...]:
     return tuple(spread)
 
 
-def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
-    """Give every entry a start and an end.
+def fill_in_times(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
+    """Give every entry a start and an end; and a note on how many had none.
 
     Words an aligner could not find share the gap between their timed neighbours in proportion to
     their letters (a single one takes its neighbours' times, as the published code does). Before the
     first and after the last timed word they are laid out at the transcript's median pace, as is
-    the other end of a word with one time.
+    the other end of a word with one time, which no neighbour's start is beyond.
 
     Args:
         path: For messages.
@@ -64,9 +63,12 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
     """
     incomplete = sum(entry.start is None or entry.end is None for entry in entries)
     if not incomplete:
-        return list(entries)
+        return list(entries), []
     pace = _median_letter_s(entries)
-    filled = [_with_other_end(entry, pace) for entry in entries]
+    following = [entry.start for entry in entries[1:]] + [None]
+    filled = [
+        _with_other_end(entry, pace, after) for entry, after in zip(entries, following, strict=True)
+    ]
     is_timed = [entry.start is not None for entry in filled]
     if not any(is_timed):
         raise InputFileError(
@@ -75,9 +77,6 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
             hint="align the text with the audio (e.g. with the Montreal Forced Aligner), or give "
             "the text as a .txt file to have it spread over the audio",
         )
-    _log.warning(
-        "%s: %d of %d words lack times; placed by their neighbours", path, incomplete, len(entries)
-    )
     first = 0
     while first < len(filled):
         stop = first
@@ -88,17 +87,20 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> list[Entry]:
             after = filled[stop].start if stop < len(filled) else None
             filled[first:stop] = _between(filled[first:stop], before, after, pace)
         first = stop + 1
-    return filled
+    lack = "lacks a time" if incomplete == 1 else "lack times"
+    return filled, [f"{incomplete} of {counted(len(entries), 'word')} {lack}: placed by neighbours"]
 
 
-def _with_other_end(entry: Entry, pace: float) -> Entry:
+def _with_other_end(entry: Entry, pace: float, after: float | None) -> Entry:
     length = pace * max(1, letters(entry.text))
     start, end = entry.start, entry.end
     if start is not None and end is None:
         end = start + length
+        if after is not None and start < after < end:
+            end = after
     elif end is not None and start is None:
         start = min(end, max(0.0, end - length))
-    return Entry(entry.text, start, end, entry.place)
+    return replace(entry, start=start, end=end)
 
 
 def _between(
@@ -114,7 +116,7 @@ def _between(
         share_start = start + (end - start) * done / sum(weights)
         done += weight
         share_end = start + (end - start) * done / sum(weights)
-        laid_out.append(Entry(entry.text, share_start, share_end, entry.place))
+        laid_out.append(replace(entry, start=share_start, end=share_end))
     return laid_out
 
 
@@ -124,4 +126,4 @@ def _median_letter_s(entries: Sequence[Entry]) -> float:
         for entry in entries
         if entry.start is not None and entry.end is not None and entry.end > entry.start
     ]
-    return statistics.median(paces) if paces else _TYPICAL_LETTER_S
+    return statistics.median(paces) if paces else TYPICAL_LETTER_S

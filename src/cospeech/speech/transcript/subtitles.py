@@ -1,38 +1,75 @@
-"""Subtitles, SRT and WebVTT: phrases with times."""
+"""Subtitles, SRT and WebVTT: phrases with times, or words where the cues time them inside."""
 
 from __future__ import annotations
 
-import html
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import Entries, Entry
+from cospeech.speech.transcript.clocks import CLOCK, seconds_of
+from cospeech.speech.transcript.entries import Entries, Entry, counted, require_few
+from cospeech.speech.transcript.labels import without_markup
 from cospeech.speech.transcript.lines import numbered_lines
 
-_CLOCK = r"(?:(\d{1,3}):)?(\d{1,2}):(\d{1,2})[.,](\d{1,3})"
-CUE_TIMES = re.compile(rf"^\s*{_CLOCK}\s*-->\s*{_CLOCK}(?:\s.*)?$")
-"""The line of a cue that says when it is shown."""
+# A fraction is what tells cue times from a range of clock times in prose.
+_CUE_CLOCK = CLOCK.removesuffix("?")
+_CUE_TIMES = re.compile(rf"\s{{0,9}}\[?{_CUE_CLOCK}\s{{0,9}}-->\s{{0,9}}{_CUE_CLOCK}(.*)")
+_INLINE_TIME = re.compile(rf"<{CLOCK}>")
 
-_MARKUP = re.compile(r"<[^<>]*>|\{[^{}]*\}|\[[^][]*\]")  # <i>, {\an8}, [applause]
+_SHORTEST_CUE_S = 0.1
+_ROLLING_SHARE = 0.4
+_FEWEST_OVERLAPS = 2
+_FEWEST_TOKENS = 3
+_MOST_LINES = 20
+
+
+@dataclass
+class _Cue:
+    start: float
+    end: float
+    place: str
+    lines: list[str] = field(default_factory=list)
+
+
+def is_cue_times(line: str) -> bool:
+    """Whether a line says when a cue is shown: ``00:00:01,000 --> 00:00:02,500``."""
+    return _CUE_TIMES.match(line) is not None
 
 
 def parse_subtitles(path: Path, text: str) -> Entries:
-    """Cues as phrases; markup, sound descriptions in [brackets], notes and numbers are dropped.
+    """Cues as phrases, or the words of cues that hold ``<00:00:01.000>`` between them.
+
+    Lines that captions carry over from the cue before (they roll) are left out. So are numbers,
+    notes and styles.
 
     Raises:
         InputFileError: A line with ``-->`` holds no two times.
     """
-    cues: list[tuple[float, float, str, list[str]]] = []
+    cues, repeated = _new_lines(_cues(path, text))
+    cut = _cut_where_they_stay(cues)
+    entries: list[Entry] = []
+    for cue in cues:
+        require_few(path, len(entries))
+        entries += _cue_entries(cue)
+    notes = []
+    if repeated:
+        notes.append(f"{counted(repeated, 'line')} left out that captions carried over")
+    if cut:
+        notes.append(f"{counted(cut, 'caption')} cut where the next begins, above which they stay")
+    return Entries(tuple(entries), tuple(notes), are_seconds=True)
+
+
+def _cues(path: Path, text: str) -> list[_Cue]:
+    cues: list[_Cue] = []
+    is_vtt = text.lstrip().startswith("WEBVTT")
     is_text = False
-    previous_line = -1
-    for place, line in numbered_lines(path, text):
-        line_number = int(place.removeprefix("line "))
-        if line_number != previous_line + 1:
-            is_text = False  # a blank line ends a cue
-        previous_line = line_number
+    aside: list[str] = []  # lines after a blank one, which belong to nothing yet
+    for place, line in numbered_lines(path, text, blank=True):
         if "-->" in line:
-            times = CUE_TIMES.match(line)
+            times = _CUE_TIMES.match(line)
             if times is None:
                 raise InputFileError(
                     path,
@@ -40,16 +77,128 @@ def parse_subtitles(path: Path, text: str) -> Entries:
                     place,
                     "a cue starts with 00:00:01,000 --> 00:00:02,500",
                 )
-            start, end = _seconds(times.groups()[:4]), _seconds(times.groups()[4:])
-            cues.append((start, end, place, []))
-            is_text = True
+            _close(cues, aside, is_vtt)
+            groups = times.groups()
+            require_few(path, len(cues))
+            cues.append(_Cue(seconds_of(groups[:4]), seconds_of(groups[4:8]), place))
+            rest = groups[8].lstrip()
+            if rest.startswith("]"):  # Whisper prints [00:00.000 --> 00:02.000]  text
+                cues[-1].lines.append(rest[1:])
+            is_text, aside = True, []
+        elif not line:
+            is_text = False
         elif is_text:
-            cues[-1][3].append(html.unescape(_MARKUP.sub(" ", line)))
-    entries = (Entry(" ".join(lines), start, end, place) for start, end, place, lines in cues)
-    return Entries(tuple(entries), are_phrases=True)
+            cues[-1].lines.append(line)
+        else:
+            aside.append(line)
+    _close(cues, aside, is_vtt)
+    return cues
 
 
-def _seconds(clock: tuple[str | None, ...]) -> float:
-    hours, minutes, seconds, fraction = clock
-    whole = int(hours or 0) * 3600 + int(minutes or 0) * 60 + int(seconds or 0)
-    return whole + int((fraction or "0").ljust(3, "0")) / 1000
+def _close(cues: list[_Cue], aside: list[str], is_vtt: bool) -> None:
+    """Give the last cue what stands after a blank line in it, and take the next one's number."""
+    if not cues:
+        return
+    lines = cues[-1].lines
+    if aside:
+        if not is_vtt:  # where such lines are names and notes
+            lines += aside[:-1] if aside[-1].strip().isdecimal() else aside
+    elif len(lines) > 1 and lines[-1].strip().isdecimal():
+        lines.pop()
+
+
+def _new_lines(cues: Sequence[_Cue]) -> tuple[list[_Cue], int]:
+    """Cues without the lines that they repeat of the one before, and the number of those lines."""
+    before: list[list[str]] = [[]]
+    for cue in cues:
+        before.append([plain for line in cue.lines if (plain := _plain(line))])
+    overlaps = [_overlap(one, two) for one, two in pairwise(before)]
+    count = sum(map(bool, overlaps))
+    is_rolling = count >= _FEWEST_OVERLAPS and count > _ROLLING_SHARE * (len(cues) - 1)
+    new: list[_Cue] = []
+    repeated = 0
+    for index, (cue, overlap) in enumerate(zip(cues, overlaps, strict=True)):
+        lines = [line for line in cue.lines if _plain(line)]
+        carried = _tokens(before[index][len(before[index]) - overlap :])
+        if overlap and (
+            is_rolling or _holds_on(cues[index - 1], cue, carried, _tokens(before[index + 1]))
+        ):
+            repeated += overlap
+            lines = _without_tokens(lines, carried)
+        if lines:
+            new.append(_Cue(cue.start, cue.end, cue.place, lines))
+    return new, repeated
+
+
+def _cut_where_they_stay(cues: Sequence[_Cue]) -> int:
+    """Cut cues of a file in which most stay while the next is spoken; how many were cut."""
+    staying = [
+        (cue, after.start) for cue, after in pairwise(cues) if cue.start < after.start < cue.end
+    ]
+    if len(staying) < _FEWEST_OVERLAPS or len(staying) <= _ROLLING_SHARE * (len(cues) - 1):
+        return 0
+    for cue, end in staying:
+        cue.end = end
+    return len(staying)
+
+
+def _tokens(lines: Sequence[str]) -> int:
+    return sum(len(line.split()) for line in lines)
+
+
+def _plain(line: str) -> str:
+    """A line without tags and blanks around it, to compare."""
+    return " ".join(without_markup(line)[0].split())
+
+
+def _overlap(before: Sequence[str], lines: Sequence[str]) -> int:
+    """How many last lines of a cue the next one begins with, be it on one line or on several."""
+    tokens = " ".join(lines).split()
+    for count in range(min(len(before), _MOST_LINES), 0, -1):
+        carried = " ".join(before[len(before) - count :]).split()
+        if tokens[: len(carried)] == carried:
+            return count
+    return 0
+
+
+def _holds_on(before: _Cue, cue: _Cue, carried: int, tokens: int) -> bool:
+    """Whether a cue goes on from the one before, in a file whose others mostly don't."""
+    follows = abs(cue.start - before.end) < _SHORTEST_CUE_S
+    is_short = cue.end - cue.start < _SHORTEST_CUE_S
+    is_same = (cue.start, cue.end) == (before.start, before.end)
+    return is_same or (follows and (is_short or _FEWEST_TOKENS <= carried < tokens))
+
+
+def _without_tokens(lines: Sequence[str], carried: int) -> list[str]:
+    """The lines without their first words."""
+    rest = []
+    for line in lines:
+        tokens = _plain(line).split()
+        if carried >= len(tokens):
+            carried -= len(tokens)
+        elif carried:
+            # A line that grows: what is new has no tag before it in any captions that do so.
+            rest.append(" ".join(tokens[carried:]))
+            carried = 0
+        else:
+            rest.append(line)
+    return rest
+
+
+def _cue_entries(cue: _Cue) -> list[Entry]:
+    text = " ".join(cue.lines)
+    times = list(_INLINE_TIME.finditer(text))
+    if not times:
+        return [Entry(text, cue.start, cue.end, cue.place, is_phrase=True)]
+    starts = [cue.start, *(seconds_of(time.groups()) for time in times)]
+    bounds = [0, *(time.start() for time in times), len(text)]
+    entries = []
+    for index, start in enumerate(starts):
+        part = text[bounds[index] : bounds[index + 1]]
+        end = starts[index + 1] if index + 1 < len(starts) else cue.end
+        words = without_markup(part)[0].split()
+        start, end = (min(max(time, cue.start), cue.end) for time in (start, end))
+        if words and start <= end:
+            is_phrase = len(words) > 1
+            entries.append(Entry(" ".join(words), start, end, cue.place, is_phrase))
+    return entries

@@ -4,74 +4,39 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import Entries, Entry, is_spoken
+from cospeech.speech.transcript.entries import Entries, Entry, require_few
+from cospeech.speech.transcript.tiers import Tier, words_tier
 
 # Praat reads its text files as a sequence of free-standing numbers, quoted strings and <flags>;
 # everything else is decoration. So the long and the short form are one format. (praatio 6.2 was
 # tried: it drops minus signs, refuses 5e-05, and stops silently at the first broken entry.)
+# No repeat gives back what it took, so that a search takes time in proportion to the text.
 _TOKEN = re.compile(
-    r"""(?m)^[ \t]*!.*$                                               # comment
-    | (?P<string>"(?:[^"]|"")*")
-    | (?P<flag><\w+>)
-    | (?<!\S)(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?!\S)
+    r"""(?m)^[ \t]*+!.*+$                                              # comment
+    | (?P<string>"[^"]*+(?:""[^"]*+)*+")
+    | (?P<flag><\w++>)
+    | (?<!\S)(?P<number>[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?+[0-9]++)?+)(?!\S)
     | (?P<open>")""",
     re.VERBOSE,
 )
-_MAX_ENTRIES = 1_000_000
 
 
-@dataclass
-class _Tier:
-    name: str
-    entries: list[Entry] = field(default_factory=list)
+_MOST_LABELS = 300_000  # of all tiers, phones too
 
 
 def parse_textgrid(path: Path, text: str) -> Entries:
     """Entries of the tier that holds the words.
 
-    That is the interval tier called "words" or "word" (any case, also "speaker - words" and
-    "ORT-MAU"), else the only interval tier; an only tier whose labels hold several words is taken
-    as phrases.
+    `words_tier` says which that is.
 
     Raises:
-        InputFileError: Broken, or it's not clear which tier is meant.
+        InputFileError: Broken, without words, or it's not clear which tier is meant.
     """
-    tier = _words_tier(path, _interval_tiers(path, text))
-    labels = (entry.text.strip() for entry in tier.entries)
-    return Entries(
-        tuple(tier.entries),
-        are_phrases=not _is_word_tier(tier.name) and any(" " in label for label in labels),
-    )
-
-
-def _is_word_tier(name: str) -> bool:
-    name = name.strip().lower()
-    return name in {"word", "words", "ort", "ort-mau"} or name.endswith(("- words", "- word"))
-
-
-def _words_tier(path: Path, tiers: list[_Tier]) -> _Tier:
-    named = [tier for tier in tiers if _is_word_tier(tier.name)]
-    if not named and len(tiers) == 1:
-        return tiers[0]
-    spoken = [tier for tier in named if any(is_spoken(entry.text) for entry in tier.entries)]
-    if len(spoken) == 1 or (named and not spoken):
-        return (spoken or named)[0]
-    names = ", ".join(repr(tier.name) for tier in tiers) or "none"
-    if not named:
-        raise InputFileError(
-            path,
-            f"no interval tier is called 'words' (tiers: {names})",
-            hint="rename the tier that holds the words to 'words'",
-        )
-    raise InputFileError(
-        path,
-        f"several tiers hold words (tiers: {names})",
-        hint="one file per speaker is expected: remove the other speakers' tiers",
-    )
+    tier = words_tier(path, _interval_tiers(path, text))
+    return Entries(tuple(tier.entries), are_seconds=True)
 
 
 class _Tokens:
@@ -117,12 +82,12 @@ class _Tokens:
 
     def count(self, what: str) -> int:
         value = self.number(what)
-        if not (value.is_integer() and 0 <= value <= _MAX_ENTRIES):
+        if not (value.is_integer() and 0 <= value <= _MOST_LABELS):
             raise InputFileError(self._path, f"{what} is {value:g}", place=f"line {self.line}")
         return int(value)
 
 
-def _interval_tiers(path: Path, text: str) -> list[_Tier]:
+def _interval_tiers(path: Path, text: str) -> list[Tier]:
     tokens = _Tokens(path, text)
     for expected in ("ooTextFile", "TextGrid"):
         found = tokens.string(f'"{expected}"')
@@ -138,12 +103,15 @@ def _interval_tiers(path: Path, text: str) -> list[_Tier]:
     if tokens.next("flag", "<exists>") != "<exists>":
         raise InputFileError(path, "has no tiers", hint="save the TextGrid with a 'words' tier")
     tiers = []
+    count = 0
     for _ in range(tokens.count("the number of tiers")):
         kind = tokens.string("a tier class")
-        tier = _Tier(tokens.string("a tier name"))
+        tier = Tier(tokens.string("a tier name"))
         tokens.number("the tier's start time")
         tokens.number("the tier's end time")
         for _ in range(tokens.count("the number of intervals")):
+            count += 1
+            require_few(path, count, _MOST_LABELS)
             start = tokens.number("a start time")
             place = f"line {tokens.line}"
             end = tokens.number("an end time") if kind == "IntervalTier" else start

@@ -1,0 +1,193 @@
+"""Speech services: Google, Deepgram, AWS, Watson, AssemblyAI, Azure, Rev."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cospeech.errors import InputFileError
+from cospeech.speech.transcript.entries import Entries, Entry
+from cospeech.speech.transcript.json_shapes.items import Document, Item, children, first, has
+
+_TICKS_S = 1e-7  # Azure counts in steps of 100 ns
+
+
+def read_google(document: Document) -> Entries | None:
+    """``{"results": [{"alternatives": [{"words": [...]}]}]}``, or that list alone.
+
+    The first alternative of each result is taken. With speaker labels on, the last result repeats
+    the words of all others; they are dropped as repeats.
+    """
+    results = _results(document, "alternatives")
+    if results is None:
+        return None
+    entries = []
+    for place, result in results:
+        for inner, alternative in children(result, "alternatives", place):
+            entries += [document.entry(*item) for item in children(alternative, "words", inner)]
+            break
+    return Entries(tuple(entries))
+
+
+def read_watson(document: Document) -> Entries | None:
+    """``{"results": [{"alternatives": [{"timestamps": [[word, start, end]]}]}]}``."""
+    results = _results(document, "alternatives")
+    if results is None:
+        return None
+    entries = []
+    for place, result in results:
+        for inner, alternative in children(result, "alternatives", place):
+            entries += [
+                document.entry(*item) for item in children(alternative, "timestamps", inner)
+            ]
+            break
+    return Entries(tuple(entries)) if entries else None
+
+
+def read_deepgram(document: Document) -> Entries | None:
+    """``{"results": {"channels": [{"alternatives": [{"words": [...]}]}]}}``.
+
+    Raises:
+        InputFileError: Several channels hold words: one file per speaker is expected.
+    """
+    results = document.get("results")
+    if not has(document.get("results", "channels"), "alternatives"):
+        return None
+    channels = []
+    for place, channel in children(results, "channels", "results"):
+        for inner, alternative in children(channel, "alternatives", place):
+            channels.append(
+                [document.entry(*item) for item in children(alternative, "words", inner)]
+            )
+            break
+    _require_one(document, sum(bool(channel) for channel in channels), "channels")
+    return Entries(tuple(entry for channel in channels for entry in channel))
+
+
+def read_aws(document: Document) -> Entries | None:
+    """AWS: ``{"results": {"items": [{"type": "pronunciation", "alternatives": [{"content"}]}]}}``.
+
+    Times are texts. Speechmatics has the list under "results" and calls the type "word".
+    Punctuation has no time, and is dropped.
+    """
+    items = document.get("results", "items")
+    above = "results.items"
+    if items is None and has(document.get("results"), "type"):
+        items, above = document.get("results"), "results"
+    if not has(items, "type"):
+        return None
+    entries = []
+    for index, item in enumerate(items):
+        place = f"{above}[{index}]"
+        if not isinstance(item, dict) or item.get("type") not in ("pronunciation", "word"):
+            continue
+        for _, alternative in children(item, "alternatives"):
+            content = alternative.get("content") if isinstance(alternative, dict) else None
+            entries.append(document.entry(place, {**item, "word": content}))
+            break
+    return Entries(tuple(entries))
+
+
+def read_assemblyai(document: Document) -> Entries | None:
+    """``{"words": [{"text", "start", "end"}], "audio_duration": 3}``: whole milliseconds.
+
+    ``audio_duration`` is in seconds, and tells the milliseconds from seconds. Answers with
+    "sentences", "paragraphs" or "utterances" have the words in those.
+    """
+    length = document.get("audio_duration")
+    if not isinstance(length, (int, float)) or isinstance(length, bool):
+        return None
+    items: list[Item] = list(children(document.value, "words"))
+    for key in ("utterances", "sentences", "paragraphs"):
+        for place, part in [] if items else list(children(document.value, key)):
+            items += children(part, "words", place)
+    if not items:
+        return None
+    entries = [document.entry(*item) for item in items]
+    last = max((entry.end for entry in entries if entry.end is not None), default=0.0)
+    if last > 1.5 * length + 1:
+        entries = [document.entry(*item, scale=1e-3) for item in items]
+    return Entries(tuple(entries), are_seconds=True)
+
+
+def read_azure(document: Document) -> Entries | None:
+    """``{"NBest": [{"Words": [{"Word", "Offset", "Duration"}]}]}``, a batch's phrases or a list.
+
+    Times are in steps of 100 ns; the first of the alternatives is taken.
+    """
+    phrases = document.get("recognizedPhrases")
+    if not isinstance(phrases, list):
+        phrases = document.value if isinstance(document.value, list) else [document.value]
+    if not has(phrases, "NBest") and not has(phrases, "nBest"):
+        return None
+    entries = []
+    for index, phrase in enumerate(phrases):
+        best = first(phrase, ("NBest", "nBest")) if isinstance(phrase, dict) else None
+        words = None
+        if isinstance(best, list) and best and isinstance(best[0], dict):
+            words = first(best[0], ("Words", "words"))
+        for place, item in children({"Words": words}, "Words", f"NBest[{index}]"):
+            entries.append(_azure_word(document, place, item))
+    return Entries(tuple(entries), are_seconds=True)
+
+
+def _azure_word(document: Document, place: str, item: Any) -> Entry:
+    lower = {key.lower(): value for key, value in item.items()} if isinstance(item, dict) else {}
+    return document.entry(
+        place,
+        {
+            "word": lower.get("word"),
+            "start": first(lower, ("offsetinticks", "offset")),
+            "duration": first(lower, ("durationinticks", "duration")),
+        },
+        scale=_TICKS_S,
+    )
+
+
+def read_rev(document: Document) -> Entries | None:
+    """``{"monologues": [{"elements": [{"type": "text", "value", "ts", "end_ts"}]}]}``.
+
+    Raises:
+        InputFileError: Several speakers: one file per speaker is expected.
+    """
+    if not has(document.get("monologues"), "elements"):
+        return None
+    entries = []
+    speakers = set()
+    for place, monologue in children(document.value, "monologues"):
+        for inner, item in children(monologue, "elements", place):
+            if isinstance(item, dict) and item.get("type") == "text":
+                times = {"start": item.get("ts"), "end": item.get("end_ts")}
+                entries.append(document.entry(inner, {"word": item.get("value"), **times}))
+                speakers.add(str(monologue.get("speaker")))
+    _require_one(document, len(speakers), "speakers")
+    return Entries(tuple(entries))
+
+
+def _results(document: Document, key: str) -> list[Item] | None:
+    """The results of a document, of a wrapped answer, or of a list of answers."""
+    value = document.value
+    if isinstance(document.get("response"), dict):
+        value = document.get("response")
+    if isinstance(value, list):
+        if has(value, key) and not has(value, "text"):
+            return [(f"[{index}]", item) for index, item in enumerate(value)]
+        answers = [(f"[{index}]", item) for index, item in enumerate(value)]
+    else:
+        answers = [("", value)]
+    found = [
+        item
+        for place, answer in answers
+        for item in children(answer, "results", place)
+        if isinstance(item[1], dict)
+    ]
+    is_one = isinstance(value, dict) and value.get("results") == []
+    return found if is_one or any(key in item for _, item in found) else None
+
+
+def _require_one(document: Document, count: int, what: str) -> None:
+    if count > 1:
+        raise InputFileError(
+            document.path,
+            f"holds the words of {count} {what}",
+            hint="one file per speaker is expected: keep the words of one",
+        )

@@ -1,0 +1,96 @@
+"""What a label is: a word, a silence, a sound, a clock time, markup, a phone."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterable
+
+SILENCE_LABELS = frozenset(
+    {"", "sil", "sp", "spn", "pau", "<eps>", "<sil>", "<p>", "<p:>", "{sl}", "{sp}", "#"}
+)
+"""Labels (lower case) by which aligners mark an interval without a word."""
+
+_SPOKEN_SYMBOLS = frozenset("&%@$€£+")
+
+# Every pattern here either has no repeat that can give back what it took, or is bounded.
+_CLOCK = re.compile(r"[\[(]?\d{1,3}:[0-5]?\d(?::[0-5]?\d(?:[.,]\d{1,6})?|[.,]\d{1,6})[\])]?")
+_ARROW = re.compile(r"-{1,2}>")
+_TAG = re.compile(r"</?[a-zA-Z0-9:][^<>]{0,200}+>")
+_UNKNOWN = frozenset({"<unk>", "<UNK>"})
+_IN_BRACKETS = re.compile(r"\[[^\[\]]*+\]|\{[^{}]*+\}")
+
+_ARPABET_NAMES = """
+    AA AE AH AO AW AX AXR AY B CH D DH DX EH EL EM EN ER EY F G HH IH IX
+    IY JH K L M N NG OW OY P R S SH T TH UH UW UX V W Y Z ZH
+"""
+_ARPABET = frozenset(_ARPABET_NAMES.split())
+_FEWEST_ARPABET = 4
+_FEWEST_SHORT = 10
+_PHONETIC = frozenset("æçðøħŋœβθχ")
+_VOWELS = frozenset("aeiouyAEIOUY")
+
+
+def is_spoken(label: str) -> bool:
+    """Whether a label stands for a word, not for a silence, a dash or a note."""
+    label = label.strip()
+    return label.lower() not in SILENCE_LABELS and any(
+        character.isalnum() or character in _SPOKEN_SYMBOLS for character in label
+    )
+
+
+def without_clocks(text: str) -> tuple[str, int]:
+    """A text without the clock times among its tokens, and how many those were.
+
+    Clock times are ``00:00:01,000``, ``1:02.5`` and ``-->``; ``10:30`` is something one says.
+    """
+    if ":" not in text and "->" not in text:
+        return text, 0
+    tokens = text.split()
+    kept = [t for t in tokens if not (_CLOCK.fullmatch(t) or _ARROW.fullmatch(t))]
+    if len(kept) == len(tokens):
+        return text, 0
+    return " ".join(kept), sum(_CLOCK.fullmatch(token) is not None for token in tokens)
+
+
+def without_markup(text: str) -> tuple[str, int]:
+    """A text without tags, entities and sounds in brackets, and how many those were.
+
+    ``<i>Say</i>`` is Say, ``AT&amp;T`` is AT&T, ``&nbsp;`` and ``[applause]`` are nothing.
+    """
+    count = 0
+    if "&" in text and ";" in text:
+        plain = html.unescape(text)
+        count += plain != text
+        text = plain.replace("\ufeff", "").replace("\u200b", "")
+    if "<" in text and text not in _UNKNOWN:
+        text, tags = _TAG.subn("", text)
+        count += tags
+    if "[" in text or "{" in text:
+        text, brackets = _IN_BRACKETS.subn(" ", text)
+        count += brackets
+    return text.strip(), count
+
+
+def are_phones(labels: Iterable[str]) -> bool:
+    """Whether labels are ARPABET, or so short throughout that they are IPA or SAMPA.
+
+    Languages written in syllables or ideographs have words of one character, so only Latin and
+    phonetic letters count.
+    """
+    spoken = [label.strip() for label in labels if is_spoken(label)]
+    spoken = [label for label in spoken if not label.isdigit() and label.lower() != "<unk>"]
+    if len(spoken) < _FEWEST_ARPABET:
+        return False
+    most = 0.8 * len(spoken)
+    stressed = sum(label[-1] in "012" and label[:-1] in _ARPABET for label in spoken)
+    if stressed and sum(label.rstrip("012") in _ARPABET for label in spoken) >= most:
+        return True
+    # "oh", "mm" and "I" are words; consonants alone are none.
+    short = [label for label in spoken if len(label) <= 2 and all(map(_is_phonetic, label))]
+    consonants = sum(len(label) == 1 and label not in _VOWELS for label in short)
+    return len(short) >= max(most, _FEWEST_SHORT) and consonants >= 0.2 * len(short)
+
+
+def _is_phonetic(letter: str) -> bool:
+    return letter.isascii() or letter in _PHONETIC or "\u0250" <= letter <= "\u036f"

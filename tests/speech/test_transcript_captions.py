@@ -1,0 +1,146 @@
+"""Captions that roll, grow, stay, time their words, or are written without care."""
+
+from pathlib import Path
+
+import pytest
+
+from cospeech.speech.speech import Word
+from cospeech.speech.transcript import read_transcript_with_timing
+from tests.speech.test_transcript_plausibility import read, times
+
+WILD = Path(__file__).parents[1] / "data/wild/youtube_rolling_captions"
+
+
+def srt(*cues, numbered=True, blank="\n"):
+    return "".join(
+        (f"{index}\n" if numbered else "")
+        + f"00:00:0{start:.3f} --> 00:00:0{end:.3f}\n{text}\n{blank}"
+        for index, (start, end, text) in enumerate(cues, start=1)
+    )
+
+
+def phrases(*cues):
+    """What the cues are spread to, by hand: letters share the time."""
+    expected = []
+    for start, end, text in cues:
+        letters = [sum(c.isalnum() for c in word) for word in text.split()]
+        for index, word in enumerate(text.split()):
+            before, after = (sum(letters[: index + i]) / sum(letters) for i in (0, 1))
+            times = (pytest.approx(start + (end - start) * share) for share in (before, after))
+            expected.append((word, *times))
+    return expected
+
+
+ROLLED = phrases(
+    (0.4, 1.59, "so the big wheel"), (1.6, 2.59, "turns slowly"), (2.6, 3.5, "and stops")
+)
+
+
+def test_rolling_captions_of_youtube_once_each():
+    srt_file = read_transcript_with_timing(WILD / "youtube_auto.srt", 4.0)
+    assert times(srt_file.words) == ROLLED
+    assert srt_file.timing == "spread"
+    vtt = read_transcript_with_timing(WILD / "youtube_auto.vtt", 4.0)
+    assert times(vtt.words) == [
+        ("so", 0.4, 0.62),
+        ("the", 0.62, 0.75),
+        ("big", 0.75, 1.1),
+        ("wheel", 1.1, 1.59),
+        ("turns", 1.6, 2.05),
+        ("slowly", 2.05, 2.59),
+        ("and", 2.6, 3.0),
+        ("stops", 3.0, 3.5),
+    ]
+    assert vtt.timing == "words"
+    for transcript in (srt_file, vtt):
+        assert transcript.notes == ("4 lines left out that captions carried over",)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        srt(  # each grows out of the one before
+            (0.4, 1.59, "so the big wheel"),
+            (1.59, 1.6, "so the big wheel"),
+            (1.6, 2.59, "so the big wheel turns slowly"),
+            (2.6, 3.5, "so the big wheel turns slowly and stops"),
+        ),
+        srt(  # each twice
+            (0.4, 1.59, "so the big wheel"),
+            (0.4, 1.59, "so the big wheel"),
+            (1.6, 2.59, "turns slowly"),
+            (1.6, 2.59, "turns slowly"),
+            (2.6, 3.5, "and stops"),
+            (2.6, 3.5, "and stops"),
+        ),
+        srt(  # the line before stays above
+            (0.4, 1.59, "so the big wheel"),
+            (1.6, 2.59, "so the big wheel\nturns slowly"),
+            (2.6, 3.5, "<i>turns slowly</i>\nand stops"),
+            blank="",
+        ),
+        srt(
+            (0.4, 1.59, "so the\n\nbig wheel"), (1.6, 2.59, "turns slowly"), (2.6, 3.5, "and stops")
+        ),
+        srt(
+            (0.4, 1.59, "so the big wheel"),
+            (1.6, 2.59, " \nturns slowly\n "),
+            (2.6, 3.5, "and stops"),
+            numbered=False,
+        ),
+        srt(
+            (0.4, 1.59, "so the big wheel"),
+            (1.6, 2.59, "{\\an8}turns slowly"),
+            (2.6, 3.5, "[bell] and stops"),
+            blank=" \n",
+        ),
+    ],
+)
+def test_every_line_once_at_its_first_time(tmp_path, content):
+    for name, text in (
+        ("a.srt", content),
+        ("a.vtt", "WEBVTT\n\n" + content.replace("\n\nbig", " big")),
+    ):
+        assert times(read(tmp_path, text, name, 4.0).words) == ROLLED, name
+
+
+def test_what_is_said_twice_stays(tmp_path):
+    content = srt((0.4, 1.5, "No."), (1.6, 2.6, "No."), (2.6, 3.5, "Never ever."), (3.6, 3.9, "Oh"))
+    transcript = read(tmp_path, content, "a.srt", 4.0)
+    assert [word.text for word in transcript.words] == ["No.", "No.", "Never", "ever.", "Oh"]
+    assert transcript.notes == ()
+
+
+def test_captions_that_stay_while_the_next_is_spoken_are_cut(tmp_path):
+    content = srt(
+        (0.4, 2.6, "so the big wheel"), (1.6, 3.5, "turns slowly"), (2.6, 3.5, "and stops")
+    )
+    transcript = read(tmp_path, content, "a.srt", 4.0)
+    assert times(transcript.words) == phrases(
+        (0.4, 1.6, "so the big wheel"), (1.6, 2.6, "turns slowly"), (2.6, 3.5, "and stops")
+    )
+    assert transcript.notes == ("2 captions cut where the next begins, above which they stay",)
+
+
+def test_vtt_with_classes_and_without_ids(tmp_path):
+    content = (
+        "WEBVTT\n\nSTYLE\n::cue { color: red }\n\n00:00.400 --> 00:01.590 line:0\n"
+        "<c.colorE5E5E5>so<00:00.620><c> the</c><00:00.750><c> big</c></c>"
+        "<00:01.100><c.x> wheel</c>\n"
+        "\n00:01.600 --> 00:02.050\n<v Bob Miller>turns</v>\n"
+    )
+    assert read(tmp_path, content, "a.vtt", 4.0).words == (
+        Word("so", 0.4, 0.62),
+        Word("the", 0.62, 0.75),
+        Word("big", 0.75, 1.1),
+        Word("wheel", 1.1, 1.59),
+        Word("turns", 1.6, 2.05),
+    )
+
+
+def test_what_whisper_prints(tmp_path):
+    content = (
+        "[00:00.400 --> 00:01.590]  so the big wheel\n[00:01.600 --> 00:02.590]  turns slowly\n"
+        "[00:02.600 --> 00:03.500]  and stops\n"
+    )
+    assert times(read(tmp_path, content, "a.txt", 4.0).words) == ROLLED

@@ -1,0 +1,245 @@
+"""The JSON of every aligner and speech service that is read, as it writes it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cospeech.errors import InputFileError
+from cospeech.speech.speech import Word
+from cospeech.speech.transcript import read_transcript, read_transcript_with_timing
+
+WILD = Path(__file__).parents[1] / "data/wild"
+
+TURNING = [
+    ("so", 0.4, 0.62),
+    ("the", 0.62, 0.75),
+    ("big", 0.75, 1.1),
+    ("wheel", 1.1, 1.52),
+    ("turns", 1.6, 2.05),
+    ("slowly", 2.05, 2.6),
+]
+
+
+def times(words):
+    return [(word.text, pytest.approx(word.start), pytest.approx(word.end)) for word in words]
+
+
+def listed(scale=1.0, text="word", start="start", end="end"):
+    """The six words as a list of mappings; milliseconds are whole numbers."""
+    number = round if scale != 1.0 else float
+    return [{text: w, start: number(s * scale), end: number(e * scale)} for w, s, e in TURNING]
+
+
+def with_durations(start="start_time", scale=1.0, name="word", length="duration"):
+    number = round if scale != 1.0 else (lambda value: round(value, 2))
+    return [
+        {name: w, start: number(s * scale), length: number((e - s) * scale)} for w, s, e in TURNING
+    ]
+
+
+@pytest.mark.parametrize("duration_s", [3.0, None])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "asr_json_shapes/aws.json",
+        "asr_json_shapes/deepgram.json",
+        "asr_json_shapes/deepspeech.json",
+        "asr_json_shapes/vosk_list.json",
+        "asr_json_shapes/vosk_stream.json",
+        "asr_json_shapes/watson.json",
+        "asr_json_shapes/whispercpp.json",
+        "asr_milliseconds/assemblyai.json",
+    ],
+)
+def test_files_of_speech_services(name, duration_s):
+    transcript = read_transcript_with_timing(WILD / name, duration_s)
+    assert times(transcript.words) == TURNING
+    assert transcript.timing == "words"
+
+
+SHAPES = {
+    "vosk": {"result": listed(), "text": "so the big wheel turns slowly"},
+    "vosk alternatives": {"alternatives": [{"result": listed(), "text": ""}, {"result": []}]},
+    "coqui": {
+        "transcripts": [
+            {"confidence": -1, "words": with_durations()},
+            {"confidence": -9, "words": [{"word": "zo", "start_time": 0.4, "duration": 0.2}]},
+        ]
+    },
+    "deepspeech 0.7": {"transcripts": [{"words": with_durations("start_time ")}]},
+    "google v2": {
+        "results": [
+            {
+                "alternatives": [
+                    {
+                        "words": [
+                            {"word": w, "startOffset": f"{s:.3f}s", "endOffset": f"{e:.3f}s"}
+                            for w, s, e in TURNING
+                        ]
+                    }
+                ]
+            }
+        ]
+    },
+    "google operation": {"response": {"results": [{"alternatives": [{"words": listed()}]}]}},
+    "watson, two results": {
+        "results": [
+            {"alternatives": [{"timestamps": [list(word) for word in TURNING[:4]]}]},
+            {"alternatives": [{"timestamps": [list(word) for word in TURNING[4:]]}]},
+        ]
+    },
+    "deepgram, one channel silent": {
+        "results": {
+            "channels": [
+                {"alternatives": [{"words": []}]},
+                {"alternatives": [{"words": listed()}, {"words": listed()[:2]}]},
+            ]
+        }
+    },
+    "speechmatics": {
+        "results": [
+            *(
+                {"type": "word", "start_time": s, "end_time": e, "alternatives": [{"content": w}]}
+                for w, s, e in TURNING
+            ),
+            {"type": "punctuation", "start_time": 2.6, "alternatives": [{"content": "."}]},
+        ]
+    },
+    "assemblyai utterances": {
+        "audio_duration": 3,
+        "words": None,
+        "utterances": [{"start": 400, "end": 2600, "words": listed(1000, "text")}],
+    },
+    "assemblyai in seconds": {"audio_duration": 3.0, "words": listed(text="text")},
+    "azure": {"NBest": [{"Words": with_durations("Offset", 1e7, "Word", "Duration")}]},
+    "azure batch": {
+        "recognizedPhrases": [
+            {"nBest": [{"words": with_durations("offsetInTicks", 1e7, "word", "durationInTicks")}]}
+        ]
+    },
+    "rev": {
+        "monologues": [
+            {
+                "speaker": 0,
+                "elements": [
+                    *({"type": "text", "value": w, "ts": s, "end_ts": e} for w, s, e in TURNING),
+                    {"type": "punct", "value": "."},
+                ],
+            }
+        ]
+    },
+    "hugging face": {
+        "text": "",
+        "chunks": [{"text": f" {w}", "timestamp": [s, e]} for w, s, e in TURNING],
+    },
+    "openai, words asked for": {
+        "duration": 3.0,
+        "words": listed(),
+        "segments": [{"start": 0.4, "end": 2.6, "text": " So the big wheel"}],
+    },
+    "faster-whisper list": [{"start": 0.4, "end": 2.6, "text": "", "words": listed()}],
+    "whisperx word_segments alone": {"segments": [], "word_segments": listed()},
+    "mfa of one speaker": {
+        "tiers": {
+            "Bob - words": {"entries": [[s, e, w] for w, s, e in TURNING]},
+            "Bob - phones": {"entries": [[0.4, 0.5, "S"]]},
+        }
+    },
+    "nemo": {"words": [word | {"start_offset": 5, "end_offset": 7} for word in listed()]},
+}
+
+
+@pytest.mark.parametrize(("document"), SHAPES.values(), ids=SHAPES.keys())
+def test_shapes(tmp_path, document):
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    assert times(read_transcript(tmp_path / "a.json", 3.0)) == TURNING
+
+
+def test_parts_of_words_are_joined(tmp_path):
+    tokens = [
+        ("[_BEG_]", 0, 0),
+        (" So", 400, 620),
+        (" the", 620, 750),
+        (" whe", 1100, 1300),
+        ("el", 1300, 1520),
+        (".", 1520, 1520),
+        ("[_TT_76]", 1520, 1520),
+    ]
+    offsets = {"from": 400, "to": 1520}
+    listed = [{"text": t, "offsets": {"from": s, "to": e}} for t, s, e in tokens]
+    document = {"transcription": [{"text": " So the wheel.", "offsets": offsets, "tokens": listed}]}
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    expected = [("So", 0.4, 0.62), ("the", 0.62, 0.75), ("wheel.", 1.1, 1.52)]
+    assert times(read_transcript(tmp_path / "a.json")) == expected
+    # Languages without blanks have a word per token.
+    tokens = [
+        {"text": t, "offsets": {"from": 400 * i, "to": 400 * i + 400}} for i, t in enumerate("你好")
+    ]
+    document = {"transcription": [{"text": "你好", "offsets": offsets, "tokens": tokens}]}
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    assert times(read_transcript(tmp_path / "a.json")) == [("你", 0.0, 0.4), ("好", 0.4, 0.8)]
+
+
+def test_a_segment_that_was_not_aligned_is_spread():
+    failed = WILD / "whisperx_unaligned_segment/whisperx_failed_segment.json"
+    transcript = read_transcript_with_timing(failed, 7.0)
+    assert [(word.text, word.start, word.end) for word in transcript.words] == [
+        ("So", 0.4, 0.62),
+        ("the", 0.62, 0.75),
+        ("big", 0.75, 1.1),
+        ("wheel", 1.1, 1.52),
+        ("15.09.2021", 2.0, 4.0),
+        ("turns", 5.0, 5.4),
+        ("slowly", 5.4, 6.0),
+    ]
+    assert transcript.timing == "words"
+    assert transcript.notes == ("1 segment of 3 without word times: the words were spread over it",)
+    mixed = WILD / "whisperx_unaligned_segment/whisper_mixed_segments.json"
+    # 8 and 7 letters over 2 s
+    assert times(read_transcript(mixed)[3:]) == [
+        ("nineteen", 2.0, 2 + 16 / 15),
+        ("hundred", 2 + 16 / 15, 4.0),
+    ]
+
+
+def test_a_word_without_numbers_for_times_lies_between_its_neighbours(tmp_path):
+    words = [*listed()[:2], {"word": "odd", "start": float("nan"), "end": float("nan")}]
+    (tmp_path / "a.json").write_text(json.dumps({"segments": [{"words": [*words, listed()[4]]}]}))
+    transcript = read_transcript_with_timing(tmp_path / "a.json")
+    assert transcript.words[2] == Word("odd", 0.75, 1.6)
+    assert transcript.notes == ("1 of 4 words lacks a time: placed by neighbours",)
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ({"names": [], "frames": []}, r"known shape \(it has 'names', 'frames'\)\n  -> known are"),
+        ({"words": [{"word": "so", "t": 1}]}, r"words\[0\]: its words have no times .*'word', 't'"),
+        ([{"word": "a", "start": 0, "end": float("inf")}], r"\[0\]: the time of 'a' is inf"),
+        (
+            {"results": {"channels": [{"alternatives": [{"words": listed()}]}] * 2}},
+            "holds the words of 2 channels",
+        ),
+        (
+            {"tiers": {"phones": {"entries": [[0, 1, "AA1"], [1, 2, "B"]]}}},
+            r"holds phones and no words \(tiers: 'phones'\)",
+        ),
+        ({"words": [{"word": "a", "start": 0, "end": "1" * 400}]}, "is not a time"),
+    ],
+)
+def test_what_is_not_read_says_so(tmp_path, document, message):
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    with pytest.raises(InputFileError, match=message):
+        read_transcript(tmp_path / "a.json")
+
+
+def test_a_stream_that_is_cut_off_names_the_place(tmp_path):
+    (tmp_path / "a.json").write_text('{"result": []}\n{"result": [\n')
+    with pytest.raises(InputFileError, match="line 3, column 1: is not valid JSON"):
+        read_transcript(tmp_path / "a.json")
+
+
+def test_half_a_surrogate_pair_is_replaced():
+    path = Path(__file__).parents[1] / "data/hostile/json_lone_surrogate/a.json"
+    assert read_transcript(path) == (Word("a\ufffdb", 0.0, 1.0),)

@@ -1,0 +1,205 @@
+"""Words get right times, or none: units, words beyond the sound, phones, markup, tiny words."""
+
+from pathlib import Path
+
+import pytest
+
+from cospeech.errors import InputFileError
+from cospeech.speech.speech import Word
+from cospeech.speech.transcript import read_transcript, read_transcript_with_timing
+
+DATA = Path(__file__).parents[1] / "data"
+
+TURNING = [
+    ("so", 0.4, 0.62),
+    ("the", 0.62, 0.75),
+    ("big", 0.75, 1.1),
+    ("wheel", 1.1, 1.52),
+    ("turns", 1.6, 2.05),
+    ("slowly", 2.05, 2.6),
+]
+
+
+def rows(scale=1.0, words=TURNING, whole=True):
+    number = (lambda value: round(value * scale)) if whole else (lambda value: value * scale)
+    return "".join(f"{number(s)}\t{number(e)}\t{w}\n" for w, s, e in words)
+
+
+def read(tmp_path, content, name="a.tsv", duration_s=3.0):
+    (tmp_path / name).write_text(content)
+    return read_transcript_with_timing(tmp_path / name, duration_s)
+
+
+def times(words):
+    return [(word.text, pytest.approx(word.start), pytest.approx(word.end)) for word in words]
+
+
+@pytest.mark.parametrize("duration_s", [3.0, 600.0, None])
+@pytest.mark.parametrize("whole", [True, False])
+def test_milliseconds_are_converted_and_said(tmp_path, duration_s, whole):
+    transcript = read(tmp_path, rows(1000, whole=whole), duration_s=duration_s)
+    assert times(transcript.words) == TURNING
+    assert transcript.notes == (
+        "its times are milliseconds: they were divided by 1000 (the last word ends at 2.60 s)",
+    )
+
+
+def test_sample_numbers_are_converted_where_one_rate_alone_fits(tmp_path):
+    transcript = read(tmp_path, rows(16000).replace("\t", " "), "timit.txt")
+    assert times(transcript.words) == TURNING
+    assert "samples at 16 kHz: they were divided by 16000" in transcript.notes[0]
+    for rate in (44100, 48000):  # each could be the other
+        with pytest.raises(InputFileError, match="its times are no seconds") as caught:
+            read(tmp_path, rows(rate))
+        assert "44.1 kHz (divide by 44100) or samples at 48 kHz" in str(caught.value)
+    with pytest.raises(InputFileError, match="its times are no seconds"):
+        read(tmp_path, rows(16000), duration_s=None)
+
+
+@pytest.mark.parametrize(("scale", "whole"), [(100, True), (30, True), (1 / 60, False)])
+def test_other_units_are_refused(tmp_path, scale, whole):
+    with pytest.raises(InputFileError, match="its times are no seconds"):
+        read(tmp_path, rows(scale, whole=whole))
+
+
+def test_a_transcript_much_longer_than_the_sound_names_both_lengths_and_the_cure(tmp_path):
+    content = "".join(f"{i / 2}\t{i / 2 + 0.4}\tword{i}\n" for i in range(128))
+    with pytest.raises(InputFileError) as caught:
+        read(tmp_path, content, duration_s=11.0)
+    assert "goes on to 63.9 s, but the sound lasts 11.0 s (106 of 128 words" in str(caught.value)
+    assert "cut the transcript too" in str(caught.value)
+    (tmp_path / "a.tsv").write_text(content)
+    whole = read_transcript_with_timing(tmp_path / "a.tsv", 11.0, goes_on=True)
+    assert len(whole.words) == 128
+    assert whole.notes == ()
+
+
+def test_few_words_outside_the_sound_are_left_out_and_counted(tmp_path):
+    outside = [("cough", -2.0, -1.5), ("um", -0.2, 0.1), ("late", 8.0, 9.0)]
+    inside = [*TURNING, ("and", 2.6, 2.7), ("stops", 2.7, 2.9)]
+    transcript = read(tmp_path, rows(words=[*outside, *inside, *TURNING[:3]], whole=False))
+    assert [word.text for word in transcript.words][:2] == ["um", "so"]
+    assert [word.text for word in transcript.words][-1] == "stops"
+    assert transcript.notes == (
+        "3 entries with the times and text of another left out",
+        "1 word of 11 left out, after the end of the sound: the words go on to 9.0 s, the sound to"
+        " 3.0 s; is it the transcript of this recording?",
+        "1 word of 11 left out, before the start of the sound: the first is at -2.0 s",
+    )
+    over = read(tmp_path, rows(words=[*TURNING[:5], ("slowly", 2.05, 6.0)], whole=False))
+    assert over.words[-1] == Word("slowly", 2.05, 3.0)
+    assert over.notes[0].startswith("1 word of 6 cut at its end: the words go on to 6.0 s")
+
+
+def test_words_that_all_lie_before_or_after_the_sound_are_refused(tmp_path):
+    with pytest.raises(InputFileError, match=r"goes on to 22\.6 s, but the sound lasts 3\.0 s"):
+        read(tmp_path, rows(words=[(w, s + 20, e + 20) for w, s, e in TURNING], whole=False))
+    with pytest.raises(InputFileError, match=r"starts at -19\.6 s, before the sound"):
+        read(tmp_path, rows(words=[(w, s - 20, e - 20) for w, s, e in TURNING], whole=False))
+    with pytest.raises(InputFileError, match=r"the times of 'so' are 1\.7e"):
+        read(tmp_path, rows(words=[(w, s + 1.7e9, e + 1.7e9) for w, s, e in TURNING], whole=False))
+
+
+def test_clock_times_and_markup_are_no_words(tmp_path):
+    content = (
+        "00:00:01,000 --> so the <i>big</i> 0:01:02.5 wheel &nbsp; at 10:30 &amp; [music] ends"
+    )
+    transcript = read(tmp_path, content, "a.txt")
+    texts = [word.text for word in transcript.words]
+    assert texts == ["so", "the", "big", "wheel", "at", "10:30", "ends"]
+    assert transcript.notes == (
+        "2 clock times among the words left out",
+        "markup or sounds in brackets left out of 1 entry",
+    )
+    listed = "0.1\t0.2\t00:00:01,000\n0.2\t0.3\t<i>\n0.3\t0.4\t&nbsp;\n0.5\t0.9\t<b>so</b>\n"
+    transcript = read(tmp_path, listed)
+    assert transcript.words == (Word("so", 0.5, 0.9),)
+    assert transcript.notes[0] == "1 clock time among the words left out"
+    # The marks of aligners for an unknown word stand for one.
+    assert read(tmp_path, "0.5\t0.9\t<unk>\n").words == (Word("<unk>", 0.5, 0.9),)
+
+
+def test_words_of_a_few_milliseconds_get_the_time_to_the_next(tmp_path):
+    # 2 letters and a run without room: so, the and big share 0.7 s by their letters
+    content = "0.4\t0.402\tso\n0.402\t0.404\tthe\n0.404\t1.2\tbig\n1.3\t1.303\tat\n2\t2.4\tgo"
+    transcript = read(tmp_path, content)
+    assert times(transcript.words) == [
+        ("so", 0.4, 0.6),
+        ("the", 0.6, 0.9),
+        ("big", 0.9, 1.2),
+        ("at", 1.3, 1.44),  # 0.07 s a letter
+        ("go", 2.0, 2.4),
+    ]
+    assert transcript.notes == (
+        "4 words of under 20 ms, or beside one, given the time up to the next",
+    )
+    points = "".join(f"{s:.6f}\t{s:.6f}\t{w}\n" for w, s, _ in TURNING)
+    assert times(read(tmp_path, points, "labels.txt").words)[:2] == [
+        ("so", 0.4, 0.54),
+        ("the", 0.54, 0.75),
+    ]
+
+
+ARPABET = ["S", "OW1", "DH", "AH0", "B", "IH1", "G"]
+IPA = ["s", "əʊ", "ð", "ə", "b", "\u026a", "\u0261", "w", "i\u02d0", "l", "t", "ɜ", "n", "z"]
+TIMIT = ["sh", "iy", "hv", "ae", "d", "y", "er", "d", "aa", "r", "k", "s", "uw", "t"]
+
+
+def textgrid(*tiers):
+    lines = ['File type = "ooTextFile"\nObject class = "TextGrid"\n', 0, 3, "<exists>", len(tiers)]
+    for name, entries in tiers:
+        lines += ['"IntervalTier"', f'"{name}"', 0, 3, len(entries)]
+        for text, start, end in entries:
+            lines += [start, end, f'"{text}"']
+    return "\n".join(map(str, lines))
+
+
+def phones(labels):
+    return [(label, 0.4 + 0.1 * i, 0.5 + 0.1 * i) for i, label in enumerate(labels)]
+
+
+def test_a_tier_of_phones_alone_is_refused(tmp_path):
+    with pytest.raises(InputFileError, match=r"holds phones and no words \(tiers: 'phones'\)"):
+        read_transcript(DATA / "wild/textgrid_phones_only/phones_only.TextGrid", 1.2)
+    for labels in (ARPABET, IPA, TIMIT):
+        with pytest.raises(InputFileError, match="holds phones and no words"):
+            read(tmp_path, textgrid(("Mary", phones(labels))), "a.TextGrid")
+        with pytest.raises(InputFileError, match="holds phones and no words"):
+            read(tmp_path, rows(words=phones(labels), whole=False))
+
+
+@pytest.mark.parametrize(
+    ("words", "phone_tier"),
+    [
+        ("mots", "phonèmes"),
+        ("Wörter", "Laute"),
+        ("palabras", "fonemas"),
+        ("слова", "звуки"),
+        ("单词", "音素"),
+        ("ORT-MAU", "MAU"),
+        ("TokensAlign", "PhonAlign"),
+        ("Bob", "phones"),
+        ("Bob", "x"),
+        ("Ann - words", "Ann - phones"),
+    ],
+)
+def test_the_tier_of_words_is_found_in_many_languages(tmp_path, words, phone_tier):
+    for tiers in (((words, TURNING), (phone_tier, phones(ARPABET))),) * 2:
+        assert times(read(tmp_path, textgrid(*tiers), "a.TextGrid").words) == TURNING
+    content = textgrid((phone_tier, phones(ARPABET)), (words, TURNING))
+    assert times(read(tmp_path, content, "a.TextGrid").words) == TURNING
+
+
+def test_short_words_are_no_phones(tmp_path):
+    listening = ["mm", "uh", "oh", "mm", "no", "ok", "mm", "uh", "oh", "hm", "I", "oh"]
+    words = read(tmp_path, textgrid(("listener", phones(listening))), "a.TextGrid").words
+    assert [word.text for word in words] == listening
+    chinese = list("今天天气很好我们出去走走吧")
+    words = read(tmp_path, textgrid(("A", phones(chinese))), "a.TextGrid").words
+    assert [word.text for word in words] == chinese
+
+
+def test_the_two_commands_get_the_same_words(tmp_path):
+    """What `prepare` and `generate` call is one function; that a note exists is its own doing."""
+    (tmp_path / "a.tsv").write_text(rows(1000))
+    assert read_transcript(tmp_path / "a.tsv", 3.0) == read_transcript(tmp_path / "a.tsv", 3.2)
