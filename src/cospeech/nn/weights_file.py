@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pickletools
 import zipfile
@@ -94,9 +95,11 @@ def read_weights(
         if size > largest_bytes:
             raise InputFileError(path, f"{size / 2**20:.0f} MiB is too large", hint=hint)
         zipped = _is_zip(path)
+        # Bytes, as reading from a file takes memory for as much as is asked for.
+        file = path if zipped else io.BytesIO(path.read_bytes())
         classes: list[Any] = list(allowed)
         names = {f"{one.__module__}.{one.__qualname__}" for one in allowed}
-        unknown = sorted((_zipped_names if zipped else _bare_names)(path) - _KNOWN - names)
+        unknown = sorted(_names_in(file) - _KNOWN - names)
         if stand_in is None:
             refused = unknown
         else:
@@ -106,8 +109,10 @@ def read_weights(
         if refused:
             raise ValueError(f"it names {refused[0][:100]!r}, which has no place in {kind}")
         with torch.serialization.safe_globals(classes):
+            if isinstance(file, io.BytesIO):
+                file.seek(0)
             # Mapped, no storage reaches past the file's end.
-            content = torch.load(path, map_location="cpu", weights_only=True, mmap=zipped)
+            content = torch.load(file, map_location="cpu", weights_only=True, mmap=zipped)
         if not isinstance(content, dict):
             problem = f"holds a {type(content).__name__}, not a dictionary of {kind}"
             raise InputFileError(path, problem, hint=hint)
@@ -166,8 +171,19 @@ def _is_zip(path: Path) -> bool:
         return file.read(4) == b"PK\x03\x04"
 
 
+def _names_in(file: Path | IO[bytes]) -> set[str]:
+    """Classes and functions that a file refers to.
+
+    Before torch 1.6 these were bare bytes: a magic number, a protocol, facts of the system, and
+    the values, each a pickle.
+    """
+    if isinstance(file, Path):
+        return _zipped_names(file)
+    return set().union(*(_names(file) for _ in range(4)))
+
+
 def _zipped_names(path: Path) -> set[str]:
-    """Classes and functions that a zip file refers to; its entries are whole and as long as told.
+    """Names of a zip file, whose parts are whole and as long as told.
 
     Raises:
         ValueError: They are not.
@@ -187,15 +203,6 @@ def _zipped_names(path: Path) -> set[str]:
             raise ValueError(f"{len(pickles)} parts are called data.pkl")
         with archive.open(pickles[0]) as file:
             return _names(file)
-
-
-def _bare_names(path: Path) -> set[str]:
-    """As `_zipped_names`, of a file from before torch 1.6.
-
-    It holds a magic number, a protocol, facts of the system, and the values, each a pickle.
-    """
-    with path.open("rb") as file:
-        return set().union(*(_names(file) for _ in range(4)))
 
 
 def _names(file: IO[bytes]) -> set[str]:
