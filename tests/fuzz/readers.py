@@ -1,5 +1,6 @@
 """The table of everything that reads files: a new reader is fuzzed when it has a row here."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,7 +85,9 @@ def _pairs(path: Path) -> None:
 def _journal(path: Path) -> None:
     from cospeech.corpus.build_folder import BuildFolder
 
-    build = BuildFolder(path.parent, {"schema": 1}, ["a.bin"])
+    # Of a copy: what is damaged is begun anew.
+    copy = Path(shutil.copytree(path.parent, path.parent.with_name("copy"), dirs_exist_ok=True))
+    build = BuildFolder(copy, {"schema": 1}, ["a.bin"])
     list(build.take_up())
     build.close()
 
@@ -107,7 +110,7 @@ def _controls(path: Path) -> None:
     from cospeech.matching.control.schedule import read_controls
 
     for keyword in read_controls(path).keywords:
-        keyword.pattern.matches("enormous" * 4)
+        keyword.word.matches("enormous" * 4)
 
 
 def _transcript(path: Path) -> None:
