@@ -92,6 +92,18 @@ def _journal(path: Path) -> None:
     build.close()
 
 
+def _product(path: Path) -> None:
+    from cospeech.methods.multi_adversary.products import Products
+
+    Products(str(path.parent)).find("classifier", seeds.PRODUCT_KEY)
+
+
+def _reference_rows(path: Path) -> None:
+    from cospeech.evaluation import read_rows
+
+    read_rows(path)
+
+
 def _record(path: Path) -> None:
     from cospeech.reporting.collect import collect, group_runs
     from cospeech.reporting.record import read_record
@@ -165,6 +177,13 @@ def _berkeley_3d(path: Path) -> None:
         list(source.read())
 
 
+def _ted_samples(path: Path) -> None:
+    from cospeech.formats.lmdb_values import list_keys
+    from cospeech.formats.ted_lmdb import read_samples
+
+    list(read_samples(path.parent, tuple(list_keys(path.parent))))
+
+
 def _ted(path: Path) -> None:
     from cospeech.formats.lmdb_values import list_keys
     from cospeech.formats.ted_lmdb import read_video
@@ -203,12 +222,18 @@ READERS: dict[str, Reader] = {
     "published trimodal": Reader(
         _published_trimodal, seeds.published_trimodal, ("methods.trimodal.published",)
     ),
-    "store": Reader(_store, seeds.stores, ("corpus.store",)),
+    "store": Reader(_store, seeds.stores, ("corpus.manifest", "corpus.store")),
     "journal of a build": Reader(_journal, seeds.journals, ("corpus.build_folder",)),
     "matching database": Reader(
         _matching_database, seeds.matching_databases, ("matching.database",)
     ),
     "pairs": Reader(_pairs, seeds.pairs, ("methods.knn_cgan.pairs",)),
+    "product of a stage": Reader(_product, seeds.products, ("methods.multi_adversary.products",)),
+    "reference rows": Reader(
+        _reference_rows,
+        seeds.texts(a__json='{"noise": {"fgd": 3.1, "mae": null}, "real": {"fgd": 1}}'),
+        ("evaluation",),
+    ),
     "record": Reader(_record, seeds.records, ("reporting.collect", "reporting.record")),
     "joint map": Reader(_joint_map, seeds.joint_maps, ("motion.joint_map",)),
     "controls": Reader(
@@ -237,6 +262,9 @@ READERS: dict[str, Reader] = {
     "berkeley samples": Reader(_berkeley_2d, seeds.berkeley_samples, ("formats.berkeley",)),
     "berkeley 3-D": Reader(_berkeley_3d, seeds.berkeley_3d, ("formats.berkeley",)),
     "ted": Reader(_ted, seeds.ted, ("formats.lmdb_values", "formats.ted_lmdb")),
+    "ted samples": Reader(
+        _ted_samples, seeds.ted_samples, ("formats.lmdb_values", "formats.ted_lmdb")
+    ),
     "word vectors": Reader(
         _vectors, seeds.vectors, ("speech.fasttext_binary", "speech.word_vectors")
     ),
@@ -247,6 +275,8 @@ NO_READERS = {
     "foreign": "the door itself",
     "corpus.split_facts": "a store's stream, while it is built",
     "corpus.window_loader": "windows of an open store",
+    "encoders": "opens kept encoders as a reader above does, and what it has just written",
+    "experiment.building": "opens a checkpoint",
     "doctor.reading": "opens what the readers above open",
     "formats.mocap.reading": "opens what the readers above open",
     "methods.knn_cgan.pair_windows": "windows of an open store",

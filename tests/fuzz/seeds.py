@@ -161,6 +161,21 @@ def pairs(folder: Path) -> list[Path]:
     return sorted((folder / "pairs").iterdir())
 
 
+PRODUCT_KEY = "ab" * 32
+
+
+def products(folder: Path) -> list[Path]:
+    import torch
+
+    from cospeech.methods.multi_adversary.products import Products
+
+    kept = Products(str(folder))
+    kept.keep("classifier", PRODUCT_KEY, {"description": {"pitch": True}, "a": torch.ones(3)})
+    path = kept.path("classifier", PRODUCT_KEY)
+    assert path is not None
+    return [path]
+
+
 def journals(folder: Path) -> list[Path]:
     from cospeech.corpus.build_folder import BuildFolder
 
@@ -285,6 +300,15 @@ def ted(folder: Path) -> list[Path]:
     video = {"vid": "made", "framerate": 25.0, "clips": [make_clip(3.0)]}
     write_values(folder / "lmdb_train", iter([(0, video)]))
     return [folder / "lmdb_train" / "data.mdb"]
+
+
+def ted_samples(folder: Path) -> list[Path]:
+    from tests.fabricated.ted import _samples, make_clip, write_values
+
+    shutil.rmtree(folder / "lmdb_train_cache", ignore_errors=True)
+    video = {"vid": "made", "framerate": 25.0, "clips": [make_clip(4.0)]}
+    write_values(folder / "lmdb_train_cache", enumerate(_samples(iter([video]))))
+    return [folder / "lmdb_train_cache" / "data.mdb"]
 
 
 def records(folder: Path) -> list[Path]:
