@@ -106,6 +106,11 @@ def test_one_flipped_byte_of_a_store_is_found(tmp_path, name):
         _ = Store(path.parent).vocabulary
 
 
+def read_all(folder):
+    store = Store(folder)
+    return store.vocabulary, store.annotations(0)
+
+
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff", b"[" * 5000, b"null"])
 @pytest.mark.parametrize("name", ["manifest.json", "vocabulary.json", "annotations.jsonl"])
 def test_side_files_of_a_store_that_are_no_json(tmp_path, name, content):
@@ -113,9 +118,7 @@ def test_side_files_of_a_store_that_are_no_json(tmp_path, name, content):
     (path.parent / "checksums.json").unlink()
     path.write_bytes(content)
     with pytest.raises(InputFileError) as caught:
-        opened = Store(path.parent)
-        assert opened.vocabulary
-        opened.annotations(0)
+        read_all(path.parent)
     assert "it will be rebuilt" in caught.value.hint
 
 
@@ -162,13 +165,12 @@ def test_any_flipped_byte_of_a_checkpoint_s_numbers_is_found(tmp_path):
 
 
 def test_a_storage_that_claims_more_numbers_than_the_file_has(tmp_path):
-    """torch by itself reads past the part's end, into whatever memory lies there."""
+    """Some releases of torch read past the part's end, into whatever memory lies there."""
     path = tmp_path / "a.pt"
     torch.save({"a": torch.ones(16)}, path)
     sixteen, many = b"K\x10", b"M\xff\xff"
     changed_zip(path, lambda name, data: data.replace(sixteen, many))
-    assert torch.load(path, weights_only=True)["a"].shape == (65535,)
-    with pytest.raises(InputFileError, match="out of bounds"):
+    with pytest.raises(InputFileError, match=r"resiz|out of bounds"):
         read_weights(path, "h")
 
 
@@ -186,7 +188,7 @@ def test_zip_bombs_and_trees_that_refer_to_themselves(tmp_path):
         tree = [tree] * 10  # 10**20 entries in some hundred bytes
     for content in ({"a": tree}, {"a": torch.zeros(1).expand(10**12)}):
         torch.save(content, path)
-        with pytest.raises(InputFileError, match="refer to one another|claim more"):
+        with pytest.raises(InputFileError, match=r"refer to one another|claim more"):
             read_weights(path, "h")
 
 
