@@ -15,6 +15,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset
+from cospeech.errors import CospeechError
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import (
     EVALUATION_FRAMES,
@@ -46,14 +47,27 @@ def encoder_for(store: Store, choice: str, epochs: int, seed: int) -> GestureEnc
     if choice != "trained":
         return load_any(choice, EVALUATION_FRAMES)
     path = _path(store, epochs, seed)
-    if not path.is_file():
+    encoder = _kept(path)
+    if encoder is None:
         path.parent.mkdir(exist_ok=True)
-        logger.info("training the FGD encoder on %s (once; kept in %s)", store.name, path)
         # A second run that needs it waits here instead of training it too.
         with FileLock(str(path) + ".lock"):
-            if not path.is_file():
+            encoder = _kept(path)
+            if encoder is None:
+                logger.info("training the FGD encoder on %s (once; kept in %s)", store.name, path)
                 save_encoder(_train(store, epochs, seed), path)
-    return load_encoder(path)
+    return encoder or load_encoder(path)
+
+
+def _kept(path: Path) -> GestureEncoder | None:
+    """The encoder that was trained before; None, with a warning, where its file is damaged."""
+    if not path.is_file():
+        return None
+    try:
+        return load_encoder(path)
+    except CospeechError as error:
+        logger.warning("%s: it is trained again", error.problem)
+        return None
 
 
 def keep_encoder(store: Store, encoder: GestureEncoder, epochs: int, seed: int) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,12 +11,15 @@ from torch import Tensor
 
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
-from cospeech.errors import CospeechError
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.foreign import read_json, understood
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics import protocol
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.progress import progress_bar
 from cospeech.reporting.record import write_json
+
+logger = logging.getLogger(__name__)
 
 References = dict[str, dict[str, float]]
 """Row name -> metric name -> value."""
@@ -65,7 +68,7 @@ def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int)
     """
     name = f"{split}-{encoder.sha256[:12]}-s{seed}-v{protocol.PROTOCOL_VERSION}.json"
     path = store.path / "references" / name
-    kept = _read_rows(path)
+    kept = read_rows(path)
     if kept is not None:
         return kept
     real, ids = real_windows(store, store.splits[split])
@@ -95,12 +98,25 @@ def _groups(spans: list[Span]) -> Iterator[list[Span]]:
         yield group
 
 
-def _read_rows(path: Path) -> References | None:
-    try:
-        rows: References = json.loads(path.read_text())
-    except (OSError, ValueError):
+def read_rows(path: Path) -> References | None:
+    """Reference rows that were kept; None, with a warning where the file is damaged, if none are.
+
+    Args:
+        path: What `reference_rows` wrote.
+    """
+    if not path.is_file():
         return None
-    return rows
+    try:
+        rows = read_json(path, "reference rows")
+        with understood(path, "reference rows"):
+            values = [value for row in rows.values() for value in row.values()]
+        if not values or not all(type(v) in (float, int, type(None)) for v in values):
+            raise InputFileError(path, "holds no rows of numbers")
+    except InputFileError as error:
+        logger.warning("%s: %s; the reference rows are computed again", path, error.problem)
+        return None
+    found: References = rows
+    return found
 
 
 def evaluate_recordings(

@@ -191,18 +191,28 @@ def test_folders_that_are_refused(tmp_path):
         open_database(folder, "a" * 64)
     with pytest.raises(InputFileError, match=r"no matching database here\n.*fit_database"):
         open_database(tmp_path)
-    manifest = json.loads((folder / "manifest.json").read_text())
+    text = (folder / "manifest.json").read_text()
+    manifest = json.loads(text)
+    changed = {name: value for name, value in manifest.items() if name != "manifest_hash"}
+    words = changed["arrays"]["words"]["shape"]
     for content, message in (
         (json.dumps({**manifest, "version": 0}), f"version 0, this version reads {VERSION}"),
         (json.dumps([]), "version None"),
-        ("{", "damaged"),
-        (json.dumps({"version": VERSION}), "damaged: KeyError"),
-        (json.dumps({**manifest, "spec": {"fps": 15, "more": 1}}), "damaged: TypeError"),
-        (json.dumps({**manifest, "statistics": 3}), "damaged: TypeError"),
+        ("{", "not valid JSON"),
+        ("", "not valid JSON"),
+        (text.replace("take", "tale").replace("fps", "fqs"), "it isn't what was written"),
+        (json.dumps({"version": VERSION}), "damaged.*KeyError"),
+        (json.dumps({**changed, "spec": {"fps": 15, "more": 1}}), "damaged.*more"),
+        (json.dumps({**changed, "statistics": 3}), "damaged.*int"),
+        (json.dumps({**changed, "speakers": []}), "an index is past the end of its list"),
+        (json.dumps({**changed, "vocabulary": [3] * words[0]}), "vocabulary is no list of names"),
+        (json.dumps({**changed, "pose_roles": ["a"]}), r"poses holds float32 \(16, 32, 10, 3\)"),
+        (json.dumps({**changed, "arrays": {"poses": 1}}), "damaged"),
     ):
         (folder / "manifest.json").write_text(content)
-        with pytest.raises(InputFileError, match=message):
+        with pytest.raises(InputFileError, match=message) as caught:
             open_database(folder)
+        assert str(folder) in str(caught.value)
     assert fit_database(store, SHORT).usable.shape == (16, 32)
 
 
@@ -213,10 +223,13 @@ def test_damaged_arrays(tmp_path):
     path = folder / "audio_features.npy"
     whole = path.read_bytes()
     path.write_bytes(whole[:-4])
-    with pytest.raises(InputFileError, match=r"audio_features.npy: damaged"):
+    with pytest.raises(InputFileError, match=r"audio_features.npy: is damaged"):
         open_database(folder)
     np.save(path, np.zeros((3, 32, 112), "f4"))
     with pytest.raises(InputFileError, match=r"holds float32 \[3, 32, 112\] where"):
+        open_database(folder)
+    path.write_bytes(b"")
+    with pytest.raises(InputFileError, match=r"audio_features.npy: is damaged"):
         open_database(folder)
     path.unlink()
     assert fit_database(store, SHORT).hash == expected

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shutil
+import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
-BOOKS = ("journal.jsonl", "build.json")
+from cospeech.errors import InputFileError
+from cospeech.foreign import parse_json, read_json, understood
+
+logger = logging.getLogger(__name__)
+
+JOURNAL = "journal.jsonl"
+BOOKS = (JOURNAL, "build.json")
 """What only a build needs."""
 
 
@@ -31,28 +39,30 @@ class BuildFolder:
             path.mkdir(parents=True)
             write_json(path / "build.json", made_by)
         self._files: dict[str, IO[bytes]] = {name: (path / name).open("ab") for name in names}
-        self._journal = (path / "journal.jsonl").open("ab")
+        self._journal = (path / JOURNAL).open("ab")
         self._ends = dict.fromkeys(self._files, 0)
 
     def _made_by(self) -> Any:
         try:
-            return json.loads((self.path / "build.json").read_text())
-        except (OSError, ValueError):
+            return read_json(self.path / "build.json", "an unfinished build")
+        except InputFileError as error:
+            if self.path.exists():
+                logger.warning("%s: %s; the build starts anew", error.path, error.problem)
             return None
 
     def take_up(self) -> Iterator[dict[str, Any]]:
         """The journal of an earlier build; to be exhausted before anything is written."""
         sizes = {name: (self.path / name).stat().st_size for name in self._files}
         whole = 0
-        with (self.path / "journal.jsonl").open("rb") as lines:
+        with (self.path / JOURNAL).open("rb") as lines:
             for line in lines:
                 if not line.endswith(b"\n"):
                     break  # the line that the kill cut short
                 try:
-                    entry = json.loads(line)
-                except ValueError:
+                    entry, ends = self._entry(line)
+                except InputFileError as error:
+                    logger.warning("%s; what was built after it is built again", error)
                     break
-                ends = entry.pop("ends")
                 if any(ends[name] > sizes[name] for name in self._files):
                     break  # noted, but its bytes never reached the disk
                 self._ends = ends
@@ -61,6 +71,23 @@ class BuildFolder:
         self._journal.truncate(whole)
         for name, end in self._ends.items():
             self._files[name].truncate(end)
+
+    def _entry(self, line: bytes) -> tuple[dict[str, Any], dict[str, int]]:
+        """What a line notes, and the ends of the files then: not before those of the line before.
+
+        Raises:
+            InputFileError: It isn't what `note` wrote.
+        """
+        path = self.path / JOURNAL
+        with understood(path, "the journal of a build"):
+            text, _, checksum = line.decode("utf-8").rstrip("\n").rpartition("\t")
+            if checksum != _checksum(text):
+                raise InputFileError(path, "a line of it is damaged")
+            entry = parse_json(path, text, "the journal of a build")
+            ends = entry.pop("ends")
+            if any(ends[name] < end for name, end in self._ends.items()):
+                raise InputFileError(path, "a line of it is damaged")
+        return entry, ends
 
     def write(self, name: str, data: bytes) -> None:
         """Append to a file; it counts once `note` has been called."""
@@ -71,7 +98,8 @@ class BuildFolder:
         """Everything written so far is complete, and this is what it was."""
         for file in self._files.values():
             file.flush()
-        self._journal.write(json_line({**entry, "ends": self._ends}))
+        text = json.dumps({**entry, "ends": self._ends})
+        self._journal.write(f"{text}\t{_checksum(text)}\n".encode())
         self._journal.flush()
 
     def close(self) -> None:
@@ -97,6 +125,10 @@ class BuildFolder:
         for name in BOOKS:
             (path / name).unlink(missing_ok=True)
         return True
+
+
+def _checksum(text: str) -> str:
+    return f"{zlib.crc32(text.encode()):08x}"
 
 
 def json_line(values: Any) -> bytes:

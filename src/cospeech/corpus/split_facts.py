@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.corpus.build_folder import write_json
+from cospeech.corpus.manifest import write_manifest
 from cospeech.corpus.splits import SPLITS, Span
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
@@ -137,6 +137,6 @@ def split_anew(
             store.manifest["rows"]["upper_body"],
         ),
     }
-    write_json(building / "manifest.json", manifest)
+    write_manifest(building, manifest)
     building.rename(path)
     return Store(path)

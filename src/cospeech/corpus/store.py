@@ -2,6 +2,7 @@
 
 Layout of a store folder::
 
+    checksums.json          of the manifest and the vocabulary
     manifest.json           schema version, parameters, fingerprint, recordings, splits, statistics
     vocabulary.json         word list; a word's id is its index
     annotations.jsonl       one JSON object per recording, in manifest order
@@ -21,7 +22,6 @@ killed build leaves nothing that looks like a store.
 
 from __future__ import annotations
 
-import json
 import logging
 import mmap
 from collections.abc import Sequence
@@ -33,10 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.facts import CorpusFacts
+from cospeech.corpus.manifest import MANIFEST, read_manifest, read_vocabulary, rebuild
 from cospeech.corpus.packing import EVALUATION_FPS
 from cospeech.corpus.recording_table import RecordingTable
 from cospeech.corpus.splits import Span
 from cospeech.errors import ConfigError, InputFileError
+from cospeech.foreign import parse_json, understood
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
@@ -61,24 +63,12 @@ class Store:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        manifest_path = self.path / "manifest.json"
-        rebuild = f"delete {self.path} and start again: it will be rebuilt"
-        try:
-            manifest = json.loads(manifest_path.read_text())
-        except FileNotFoundError:
-            raise InputFileError(self.path, "not a store (no manifest.json)") from None
-        except ValueError as error:
-            raise InputFileError(manifest_path, f"damaged: {error}", hint=rebuild) from None
-        if manifest.get("schema") != SCHEMA_VERSION:
-            raise InputFileError(
-                manifest_path,
-                f"schema {manifest.get('schema')}, this version reads {SCHEMA_VERSION}",
-                hint=rebuild,
-            )
+        manifest = read_manifest(self.path, SCHEMA_VERSION)
         self.manifest = manifest
         self.name: str = manifest["name"]
         self.fingerprint: str = manifest["fingerprint"]
-        self.skeletons = [Skeleton.from_dict(values) for values in manifest["skeletons"]]
+        with understood(self.path / MANIFEST, "a store's manifest", rebuild(self.path)):
+            self.skeletons = [Skeleton.from_dict(values) for values in manifest["skeletons"]]
         self.dimensions: int = manifest["dimensions"]
         self.has_upper_body: bool = manifest["has_upper_body"]
         self.window_grid: dict[str, float] | None = manifest["window_grid"]
@@ -87,8 +77,7 @@ class Store:
             name: [Span(*span) for span in spans] for name, spans in manifest["splits"].items()
         }
         self._streams = {
-            stream: self._open(stream, **facts, rebuild=rebuild)
-            for stream, facts in manifest["streams"].items()
+            stream: self._open(stream, **facts) for stream, facts in manifest["streams"].items()
         }
         counts = {
             stream: np.array(manifest["rows"][stream], dtype=np.int64) for stream in self._streams
@@ -97,13 +86,15 @@ class Store:
         self.row_counts = counts
         self.speaker_ids = {name: i + 1 for i, name in enumerate(manifest["speakers"])}
 
-    def _open(self, stream: str, dtype: str, width: int, rows: int, rebuild: str) -> NDArray[Any]:
+    def _open(self, stream: str, dtype: str, width: int, rows: int) -> NDArray[Any]:
         path = self.path / f"{stream}.bin"
         expected = np.dtype(dtype).itemsize * width * rows
         size = path.stat().st_size if path.is_file() else -1
         if size != expected:
             raise InputFileError(
-                path, f"holds {size} bytes where the manifest says {expected}", hint=rebuild
+                path,
+                f"holds {size} bytes where the manifest says {expected}",
+                hint=rebuild(self.path),
             )
         if rows == 0:
             return np.zeros((0, width), dtype=dtype)
@@ -258,13 +249,17 @@ class Store:
     @cached_property
     def vocabulary(self) -> list[str]:
         """Word list; a word's id is its index."""
-        return json.loads((self.path / "vocabulary.json").read_text())
+        return read_vocabulary(self.path)
 
     def annotations(self, recording: int) -> dict[str, Any]:
         """Whatever else is known of a recording."""
-        with (self.path / "annotations.jsonl").open("rb") as file:
-            file.seek(self._annotation_offsets[recording])
-            return json.loads(file.readline())
+        path, what = self.path / "annotations.jsonl", "annotations of a store"
+        with understood(path, what, rebuild(self.path)):
+            with path.open("rb") as file:
+                file.seek(self._annotation_offsets[recording])
+                line = file.readline().decode("utf-8")
+            values: dict[str, Any] = dict(parse_json(path, line, what, rebuild(self.path)))
+        return values
 
     @cached_property
     def _annotation_offsets(self) -> list[int]:

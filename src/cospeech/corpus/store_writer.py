@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from cospeech.corpus.build_folder import BuildFolder, json_line, write_json
+from cospeech.corpus.manifest import write_manifest
 from cospeech.corpus.packing import (
     EVALUATION_FPS,
     STREAMS,
@@ -234,7 +235,7 @@ class StoreWriter:
             "rows": self._rows,
         }
         write_json(self._folder.path / "vocabulary.json", list(self._word_ids))
-        write_json(self._folder.path / "manifest.json", manifest)
+        write_manifest(self._folder.path, manifest)
         if not self._folder.become(self.path):
             if not (self.path / "manifest.json").is_file():
                 raise CospeechError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import read_bytes, understood
 from cospeech.formats.phase_files.labels import phase_meanings, plain
 from cospeech.motion.phases import PHASE_INDEX
 
@@ -20,7 +22,11 @@ FILE_JOINTS = ("left_hand", "right_hand", "head", "spine", "left_wrist", "right_
 
 _COLUMNS = [f"{joint}{axis}" for joint in ("lh", "rh", "h", "s", "lw", "rw") for axis in "xyz"]
 _COLUMNS += ["timestamp", "phase"]
-_MAX_ROWS = 1_000_000
+_WHAT = "a raw file of the UCI set"
+_MOST_BYTES = 2**26
+_LONGEST_S = 2 * 3600.0
+"""The set's recordings last minutes; memory follows the time that the rows claim."""
+
 _MOST_UNORDERED = 0.05
 
 _log = logging.getLogger(__name__)
@@ -71,10 +77,15 @@ def read_uci_table(path: str | Path) -> UciTable:
             raise InputFileError(path, f"{row[19]!r} is not a phase", place)
         minute, second = divmod(stamp // 1000, 100)
         if not (0 <= minute < 60 and 0 <= second < 60):
-            raise InputFileError(path, f"the timestamp {stamp} is not minute, second, ms", place)
+            raise InputFileError(
+                path, f"the timestamp {row[18][:20]} is not minute, second, ms", place
+            )
         time = 3600 * hours + 60 * minute + second + stamp % 1000 / 1000
         if times and time < times[-1] - 1800:
             hours, time = hours + 1, time + 3600
+        if times and time - times[0] > _LONGEST_S:
+            problem = f"{time - times[0]:.0f} s after the first row; recordings last minutes"
+            raise InputFileError(path, problem, place, "check the timestamps up to this row")
         if times and time <= times[-1]:
             unordered += 1
             continue
@@ -95,26 +106,21 @@ def read_uci_table(path: str | Path) -> UciTable:
 
 
 def _rows(path: Path) -> Iterator[list[str]]:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as lines:
-            for number, row in enumerate(csv.reader(lines), start=1):
-                if number == 1:
-                    if [cell.strip().lower() for cell in row] != _COLUMNS:
-                        raise InputFileError(
-                            path,
-                            f"the header is not {','.join(_COLUMNS)}",
-                            "line 1",
-                            hint="take the file from the UCI repository; edited copies are about",
-                        )
-                    continue
-                if number > _MAX_ROWS:
-                    raise InputFileError(path, f"more than {_MAX_ROWS} rows")
-                if len(row) != len(_COLUMNS):
+    data = read_bytes(path, _WHAT, _MOST_BYTES)
+    with understood(path, _WHAT):
+        lines = io.StringIO(data.decode("utf-8-sig"), newline="")
+        for number, row in enumerate(csv.reader(lines), start=1):
+            if number == 1:
+                if [cell.strip().lower() for cell in row] != _COLUMNS:
                     raise InputFileError(
-                        path, f"{len(row)} columns, expected {len(_COLUMNS)}", f"line {number}"
+                        path,
+                        f"the header is not {','.join(_COLUMNS)}",
+                        "line 1",
+                        hint="take the file from the UCI repository; edited copies are about",
                     )
-                yield row
-    except OSError as error:
-        raise InputFileError(path, f"can't be read ({error.strerror})") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputFileError(path, f"not a csv file: {error}") from error
+                continue
+            if len(row) != len(_COLUMNS):
+                raise InputFileError(
+                    path, f"{len(row)} columns, expected {len(_COLUMNS)}", f"line {number}"
+                )
+            yield row

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import read_json, understood
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
 from cospeech.speech.feature_sets.sphinx import sphinx_features
 
@@ -42,6 +43,21 @@ _PER_SEQUENCE = (
     "starts_s",
 )
 ARRAYS = (*_PER_SEQUENCE, "words", "word_times_s")
+_HASHES = ("hash", "manifest_hash")
+_DTYPES = {
+    "pose_features": np.dtype(np.float32),
+    "audio_features": np.dtype(np.float32),
+    "poses": np.dtype(np.float32),
+    "phases": np.dtype(np.int8),
+    "usable": np.dtype(np.bool_),
+    "speakers": np.dtype(np.int32),
+    "recordings": np.dtype(np.int32),
+    "starts_s": np.dtype(np.float64),
+    "words": np.dtype(np.int32),
+    "word_times_s": np.dtype(np.float64),
+}
+_WHAT = "a matching database"
+MOST_MANIFEST_BYTES = 2**28
 _REBUILD = "delete the folder and fit the database again"
 
 
@@ -162,16 +178,13 @@ def open_database(folder: Path | str, fingerprint: str | None = None) -> Matchin
     """
     folder = Path(folder)
     path = folder / "manifest.json"
-    try:
-        manifest = json.loads(path.read_text())
-    except FileNotFoundError:
+    if not path.is_file():
         hint = "build it with fit_database(store)"
-        raise InputFileError(folder, "no matching database here", hint=hint) from None
-    except ValueError as error:
-        raise InputFileError(path, f"damaged: {error}", hint=_REBUILD) from None
+        raise InputFileError(folder, "no matching database here", hint=hint)
+    manifest = read_json(path, _WHAT, MOST_MANIFEST_BYTES, _REBUILD)
     if not isinstance(manifest, dict) or manifest.get("version") != VERSION:
         version = manifest.get("version") if isinstance(manifest, dict) else None
-        problem = f"version {version}, this version reads {VERSION}"
+        problem = f"version {version!r:.40}, this version reads {VERSION}"
         raise InputFileError(path, problem, hint=_REBUILD)
     if fingerprint is not None and manifest.get("fingerprint") != fingerprint:
         raise InputFileError(
@@ -179,21 +192,29 @@ def open_database(folder: Path | str, fingerprint: str | None = None) -> Matchin
             f"made from corpus {str(manifest.get('fingerprint'))[:12]}, not {fingerprint[:12]}",
             hint="open the database of this corpus: fit_database(store)",
         )
-    try:
+    with understood(path, _WHAT, _REBUILD):
+        if manifest.get("manifest_hash") not in (None, manifest_hash(manifest)):
+            raise InputFileError(path, "damaged: it isn't what was written", hint=_REBUILD)
         return _described(folder, manifest)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputFileError(path, f"damaged: {error!r}", hint=_REBUILD) from None
 
 
 def _described(folder: Path, manifest: dict[str, Any]) -> MatchingDatabase:
     statistics = {
-        name: Normalisation(*(np.array(values) for values in manifest["statistics"][name]))
-        for name in ("pose", "audio")
+        name: Normalisation(*(np.array(values, np.float64) for values in both))
+        for name, both in manifest["statistics"].items()
     }
     arrays = {name: _open_array(folder, name, manifest["arrays"][name]) for name in ARRAYS}
+    spec = MatchingSpec(**manifest["spec"])
+    for name in ("vocabulary", "speakers", "search_roles", "pose_roles", "evaluation_roles"):
+        if not all(isinstance(value, str) for value in manifest[name]):
+            raise ValueError(f"{name} is no list of names")
+    for name in ("fingerprint", "hash"):
+        if not isinstance(manifest[name], str):
+            raise ValueError(f"{name} is no text")
+    _require_consistent(spec, arrays, statistics, manifest)
     words, times_s = arrays["words"], arrays["word_times_s"]
     return MatchingDatabase(
-        MatchingSpec(**manifest["spec"]),
+        spec,
         **{name: arrays[name] for name in _PER_SEQUENCE},
         words=SpokenWords(
             tuple(manifest["vocabulary"]), words[:, 0], words[:, 1], times_s[:, 0], times_s[:, 1]
@@ -209,34 +230,81 @@ def _described(folder: Path, manifest: dict[str, Any]) -> MatchingDatabase:
     )
 
 
+def _require_consistent(
+    spec: MatchingSpec,
+    arrays: dict[str, NDArray[Any]],
+    statistics: dict[str, Normalisation],
+    manifest: dict[str, Any],
+) -> None:
+    """Compare the shapes with one another, and indices with what they are into.
+
+    Raises:
+        ValueError: They disagree.
+    """
+    sequences, words = len(arrays["usable"]), len(arrays["words"])
+    frames = (sequences, spec.chunk_frames)
+    shapes: dict[str, tuple[int, ...]] = {
+        "pose_features": (*frames, *statistics["pose"].mean.shape),
+        "audio_features": (*frames, *statistics["audio"].mean.shape),
+        "poses": (*frames, len(manifest["pose_roles"]), 3),
+        "phases": frames,
+        "usable": frames,
+        "speakers": (sequences,),
+        "recordings": (sequences,),
+        "starts_s": (sequences,),
+        "words": (words, 2),
+        "word_times_s": (words, 2),
+    }
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape or arrays[name].dtype != _DTYPES[name]:
+            found = f"{arrays[name].dtype} {arrays[name].shape}"
+            raise ValueError(f"{name} holds {found}, not {_DTYPES[name]} {shape}")
+    for name, one in statistics.items():
+        if one.mean.ndim != 1 or one.mean.shape != one.deviation.shape:
+            raise ValueError(f"the statistics of {name} are of different sizes")
+    for indices, names in (
+        (arrays["speakers"], manifest["speakers"]),
+        (arrays["words"][:, 0], manifest["vocabulary"]),
+    ):
+        if len(indices) and not 0 <= indices.min() <= indices.max() < len(names):
+            raise ValueError("an index is past the end of its list")
+
+
 def check_database(folder: Path | str) -> None:
     """Read every byte of a database and compare its hash: seconds for a large one.
 
     Raises:
         InputFileError: It can't be opened, or isn't what was written.
     """
+    folder = Path(folder)
     database = open_database(folder)
-    path = Path(folder) / "manifest.json"
-    if content_hash(Path(folder), json.loads(path.read_text())) != database.hash:
-        raise InputFileError(folder, "its content isn't what was written", hint=_REBUILD)
+    path = folder / "manifest.json"
+    manifest = read_json(path, _WHAT, MOST_MANIFEST_BYTES, _REBUILD)
+    with understood(folder, _WHAT, _REBUILD):
+        if content_hash(folder, manifest) != database.hash:
+            raise InputFileError(folder, "its content isn't what was written", hint=_REBUILD)
 
 
 def _open_array(folder: Path, name: str, facts: dict[str, Any]) -> NDArray[Any]:
     path = folder / f"{name}.npy"
-    try:
+    with understood(path, "an array of a matching database", _REBUILD):
         values: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise InputFileError(path, f"damaged: {error}", hint=_REBUILD) from None
-    if list(values.shape) != facts["shape"] or values.dtype.name != facts["dtype"]:
-        found = f"{values.dtype.name} {list(values.shape)}"
-        problem = f"holds {found} where the manifest says {facts['dtype']} {facts['shape']}"
-        raise InputFileError(path, problem, hint=_REBUILD)
+        if list(values.shape) != facts["shape"] or values.dtype.name != facts["dtype"]:
+            found = f"{values.dtype.name} {list(values.shape)}"
+            problem = f"holds {found} where the manifest says {facts['dtype']} {facts['shape']}"
+            raise InputFileError(path, problem, hint=_REBUILD)
     return values
+
+
+def manifest_hash(manifest: dict[str, Any]) -> str:
+    """SHA-256 of what the manifest says, as `open_database` compares it: at once."""
+    told = {name: value for name, value in manifest.items() if name != "manifest_hash"}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
 def content_hash(folder: Path, manifest: dict[str, Any]) -> str:
     """SHA-256 of the arrays and of what the manifest says of them."""
-    told = {name: value for name, value in manifest.items() if name != "hash"}
+    told = {name: value for name, value in manifest.items() if name not in _HASHES}
     digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
     for name in ARRAYS:
         with (folder / f"{name}.npy").open("rb") as file:

@@ -23,6 +23,7 @@ from cospeech.matching.database import (
     VERSION,
     MatchingDatabase,
     content_hash,
+    manifest_hash,
     open_database,
 )
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
@@ -159,8 +160,9 @@ class _Build:
                 for name in ARRAYS
             },
         }
-        digest = content_hash(self.folder, manifest)
-        write_json(self.folder / "manifest.json", {**manifest, "hash": digest})
+        manifest["hash"] = content_hash(self.folder, manifest)
+        manifest["manifest_hash"] = manifest_hash(manifest)
+        write_json(self.folder / "manifest.json", manifest)
         unusable = manifest["unusable_frames"]
         logger.info(
             "matching database: %d sequences, %.1f min%s",

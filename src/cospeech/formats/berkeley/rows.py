@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import IO
 
 from cospeech.errors import CospeechError, InputFileError
+from cospeech.foreign import read_bytes, understood
 
 MAX_LINE_BYTES = 2**16
 MAX_ROW_LINES = 16
@@ -87,11 +88,9 @@ def index_rows(path: Path, required: Sequence[str]) -> RowIndex:
     Raises:
         InputFileError: It can't be read, lacks a column, or isn't a table of intervals.
     """
-    try:
+    with understood(path, "a table of intervals"):
         state = path.stat()
-    except OSError as error:
-        raise InputFileError(path, f"can't be read ({error.strerror})") from error
-    return _indexed(path, tuple(required), state.st_mtime_ns, state.st_size)
+        return _indexed(path, tuple(required), state.st_mtime_ns, state.st_size)
 
 
 # Two: the table of frames and that of samples.
@@ -177,13 +176,7 @@ def read_small_table(path: Path, required: Sequence[str]) -> Iterator[list[str]]
     Raises:
         InputFileError: It is over `MAX_TABLE_BYTES`, can't be read, or lacks a column.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_TABLE_BYTES + 1)
-    except OSError as error:
-        raise InputFileError(path, f"can't be read ({error.strerror})") from error
-    if len(data) > MAX_TABLE_BYTES:
-        raise InputFileError(path, f"is over {MAX_TABLE_BYTES} bytes")
+    data = read_bytes(path, "a table", MAX_TABLE_BYTES)
     reader = csv.reader(io.StringIO(_text(data).lstrip("\ufeff"), newline=""))
     try:
         header = [name.strip() for name in next(reader, [])]

@@ -24,8 +24,10 @@ from numpy.typing import NDArray
 
 from cospeech.corpus.build_folder import write_json
 from cospeech.errors import ConfigError, InputFileError
+from cospeech.foreign import read_json, understood
 
 _ARRAYS = ("windows", "ks", "pointers")
+_WHAT = "pairs of windows and matches"
 _REBUILD = "delete the folder and make the pairs again"
 
 
@@ -134,20 +136,19 @@ def open_pairs(folder: Path, made_by: dict[str, Any], settings: PairSettings) ->
         InputFileError: Not what was asked for, or damaged.
     """
     path = folder / "manifest.json"
-    try:
-        manifest = json.loads(path.read_text())
+    manifest = read_json(path, _WHAT, hint=_REBUILD)
+    with understood(folder, _WHAT, _REBUILD):
+        if not isinstance(manifest, dict) or manifest.get("made_by") != made_by:
+            raise InputFileError(path, "made by something else", hint=_REBUILD)
         arrays = {
             name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
             for name in _ARRAYS
         }
-    except (OSError, ValueError, EOFError) as error:
-        raise InputFileError(folder, f"damaged: {error}", hint=_REBUILD) from None
-    if not isinstance(manifest, dict) or manifest.get("made_by") != made_by:
-        raise InputFileError(path, "made by something else", hint=_REBUILD)
-    told = {name: value for name, value in manifest.items() if name != "hash"}
-    if _content_hash(told, arrays) != manifest.get("hash"):
-        raise InputFileError(folder, "damaged: its content isn't what was written", hint=_REBUILD)
-    return Pairs(settings, **arrays, own_hits=manifest["own_hits"])
+        told = {name: value for name, value in manifest.items() if name != "hash"}
+        if _content_hash(told, arrays) != manifest.get("hash"):
+            problem = "damaged: its content isn't what was written"
+            raise InputFileError(folder, problem, hint=_REBUILD)
+        return Pairs(settings, **arrays, own_hits=manifest["own_hits"])
 
 
 def _content_hash(manifest: dict[str, Any], arrays: dict[str, NDArray[np.int32]]) -> str:

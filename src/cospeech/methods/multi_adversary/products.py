@@ -16,6 +16,9 @@ from cospeech.nn.weights_file import read_weights, write_weights
 logger = logging.getLogger(__name__)
 
 FORMAT = "cospeech.multi_adversary.product"
+LARGEST_BYTES = 2 * 2**30
+"""The history of a pre-training holds the generator many times over."""
+
 VERSION = 2
 """Counted up when a stage's code changes, as older products aren't what it would make."""
 
@@ -59,18 +62,18 @@ class Products:
         logger.info("%s is done; kept in %s", stage, path)
 
     def find(self, stage: str, key: str) -> dict[str, Any] | None:
-        """The content of a product; None where there is none.
-
-        Raises:
-            InputFileError: The file is there but damaged or of something else.
-        """
+        """The content of a product; None, with a warning where it is damaged, if there is none."""
         path = self.path(stage, key)
         if path is None or not path.is_file():
             return None
-        hint = f"delete {path}: the stage then runs again"
-        found = read_weights(path, hint)
-        if (found.get("format"), found.get("key"), found.get("stage")) != (FORMAT, key, stage):
-            raise InputFileError(path, f"not the product of {stage} that its name says", hint=hint)
-        content: dict[str, Any] = found["content"]
+        try:
+            found = read_weights(path, "the stage runs again", largest_bytes=LARGEST_BYTES)
+            told = (found.get("format"), found.get("key"), found.get("stage"))
+            content = found.get("content")
+            if told != (FORMAT, key, stage) or not isinstance(content, dict):
+                raise InputFileError(path, f"not the product of {stage} that its name says")
+        except InputFileError as error:
+            logger.warning("%s: %s; %s is done again", path, error.problem, stage)
+            return None
         logger.info("%s was done before: taken from %s", stage, path)
         return content

@@ -1,0 +1,221 @@
+"""Files that somebody made to break a loader: each is named, nothing runs and nothing grows."""
+
+import io
+import json
+import pickle
+import zipfile
+from pathlib import Path
+
+import pytest
+import torch
+
+from cospeech.corpus.store import Store
+from cospeech.errors import InputFileError
+from cospeech.formats.berkeley.rows import index_rows
+from cospeech.formats.uci_phases import read_uci_recording
+from cospeech.matching.database import open_database
+from cospeech.metrics.encoder import load_any
+from cospeech.nn.phase_classifier import FrozenPhaseClassifier
+from cospeech.nn.weights_file import filled, read_checkpoint, read_weights
+from tests.corpora import make_store
+from tests.fuzz import seeds
+
+HOSTILE = Path(__file__).parent / "data" / "hostile"
+
+
+@pytest.mark.parametrize("read", [load_any, FrozenPhaseClassifier.load])
+@pytest.mark.parametrize(
+    ("case", "message"),
+    [
+        ("encoder_of_huge_shape/encoder.pt", "its tensors claim more than the 13145 bytes"),
+        ("weights_short_pickle/encoder.pt", "can be read safely"),
+        ("weights_bad_directory/c.pt", "can be read safely"),
+        ("weights_invalid_argument/c.pt", "can be read safely"),
+    ],
+)
+def test_weights(read, case, message):
+    with pytest.raises(InputFileError, match=message) as caught:
+        read(HOSTILE / case)
+    assert str(HOSTILE / case) in str(caught.value)
+    assert caught.value.hint
+
+
+def test_timestamps_that_turn_200_times():
+    path = HOSTILE / "uci_hours_from_timestamps" / "a1_raw.csv"
+    with pytest.raises(InputFileError, match=r"a1_raw\.csv, line \d: \d+ s after the first row"):
+        list(read_uci_recording(str(path)))
+
+
+def test_a_header_with_a_carriage_return():
+    path = HOSTILE / "berkeley_header_with_cr" / "frames.csv"
+    with pytest.raises(InputFileError, match=r"frames\.csv"):
+        index_rows(path, ["speaker", "interval_id"])
+    with pytest.raises(InputFileError, match="can't be read"):
+        index_rows(path.parent, ["speaker"])
+
+
+def test_a_manifest_without_keys():
+    with pytest.raises(InputFileError, match=r"manifest\.json: ") as caught:
+        Store(HOSTILE / "store_manifest_without_keys")
+    assert "it will be rebuilt" in caught.value.hint
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    return make_store(tmp_path_factory.mktemp("hostile"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"name": 3},
+        {"fingerprint": None},
+        {"dimensions": True},
+        {"speakers": "ada"},
+        {"speakers": [1]},
+        {"splits": {"train": [[0, 0, 10**9]]}},
+        {"splits": {"train": [[99, 0, 1]]}},
+        {"splits": [1]},
+        {"skeletons": []},
+        {"skeletons": [{"name": "a"}]},
+        {"recordings": {"id": ["a"]}},
+        {"rows": {}},
+        {"streams": {"audio": {"dtype": "O", "width": 1, "rows": 10**12}}},
+        {"statistics": []},
+        {"window_grid": 5},
+    ],
+)
+def test_manifest_values_of_other_types(store, tmp_path, change):
+    folder = tmp_path / "store"
+    folder.mkdir()
+    for path in store.path.iterdir():
+        if path.suffix == ".bin":
+            (folder / path.name).symlink_to(path)
+    (folder / "manifest.json").write_text(json.dumps({**store.manifest, **change}))
+    with pytest.raises(InputFileError, match=r"manifest\.json") as caught:
+        Store(folder)
+    assert "it will be rebuilt" in caught.value.hint
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "vocabulary.json"])
+def test_one_flipped_byte_of_a_store_is_found(tmp_path, name):
+    path = make_store(tmp_path).path / name
+    text = path.read_text()
+    path.write_text(text.replace("ada", "adb", 1) if "ada" in text else text.replace("on", "no", 1))
+    with pytest.raises(InputFileError, match=rf"{name}: damaged: it isn't what was written"):
+        _ = Store(path.parent).vocabulary
+
+
+def read_all(folder):
+    store = Store(folder)
+    return store.vocabulary, store.annotations(0)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff", b"[" * 5000, b"null"])
+@pytest.mark.parametrize("name", ["manifest.json", "vocabulary.json", "annotations.jsonl"])
+def test_side_files_of_a_store_that_are_no_json(tmp_path, name, content):
+    path = make_store(tmp_path).path / name
+    (path.parent / "checksums.json").unlink()
+    path.write_bytes(content)
+    with pytest.raises(InputFileError) as caught:
+        read_all(path.parent)
+    assert "it will be rebuilt" in caught.value.hint
+
+
+def test_an_empty_array_of_a_database(tmp_path):
+    with pytest.raises(InputFileError) as caught:
+        open_database(HOSTILE / "matching_array_empty")
+    assert "fit the database again" in caught.value.hint
+
+
+def changed_zip(path: Path, change) -> None:
+    """Write a zip file anew, its parts changed and its directory right."""
+    with zipfile.ZipFile(path) as archive:
+        parts = {entry.filename: archive.read(entry) for entry in archive.infolist()}
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, change(name, content))
+    path.write_bytes(buffer.getvalue())
+
+
+def test_what_a_checkpoint_holds_comes_back(tmp_path):
+    (path,) = seeds.checkpoints(tmp_path)
+    found, expected = read_checkpoint(path, "h"), torch.load(path, weights_only=True)
+    assert found.keys() == expected.keys()
+    assert found["hyper_parameters"] == expected["hyper_parameters"]
+    for name, tensor in expected["state_dict"].items():
+        assert torch.equal(found["state_dict"][name], tensor)
+    path.unlink()  # nothing of the file lies under the tensors
+    assert found["state_dict"]["weight"].sum().isfinite()
+
+
+def test_any_flipped_byte_of_a_checkpoint_s_numbers_is_found(tmp_path):
+    (path,) = seeds.checkpoints(tmp_path)
+    whole = path.read_bytes()
+    numbers = torch.load(path, weights_only=True)["state_dict"]["weight"].numpy().tobytes()
+    at = whole.index(numbers)
+    path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+    with pytest.raises(InputFileError, match="the checksum of its part"):
+        read_checkpoint(path, "h")
+    for content, message in ((b"", "is empty"), (whole[:-100], "damaged"), (b"\0" * 500, "safely")):
+        path.write_bytes(content)
+        with pytest.raises(InputFileError, match=message):
+            read_checkpoint(path, "h")
+
+
+def test_a_storage_that_claims_more_numbers_than_the_file_has(tmp_path):
+    """Some releases of torch read past the part's end, into whatever memory lies there."""
+    path = tmp_path / "a.pt"
+    torch.save({"a": torch.ones(16)}, path)
+    sixteen, many = b"K\x10", b"M\xff\xff"
+    changed_zip(path, lambda name, data: data.replace(sixteen, many))
+    with pytest.raises(InputFileError, match=r"resiz|out of bounds"):
+        read_weights(path, "h")
+
+
+def test_zip_bombs_and_trees_that_refer_to_themselves(tmp_path):
+    path = tmp_path / "a.pt"
+    torch.save({"a": torch.zeros(100_000)}, path)
+    parts = zipfile.ZipFile(path)
+    with zipfile.ZipFile(tmp_path / "b.pt", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in parts.namelist():
+            archive.writestr(name, parts.read(name))
+    with pytest.raises(InputFileError, match="it unpacks to more than its size"):
+        read_weights(tmp_path / "b.pt", "h")
+    tree: list = [0] * 10
+    for _ in range(20):
+        tree = [tree] * 10  # 10**20 entries in some hundred bytes
+    for content in ({"a": tree}, {"a": torch.zeros(1).expand(10**12)}):
+        torch.save(content, path)
+        with pytest.raises(InputFileError, match=r"refer to one another|claim more"):
+            read_weights(path, "h")
+
+
+def test_only_a_few_names_may_occur(tmp_path):
+    path = tmp_path / "a.pt"
+    for value in (torch.eye(3).to_sparse(), torch.float32, {1, 2}, torch.device("meta"), 1j):
+        torch.save({"a": value}, path)
+        with pytest.raises(InputFileError, match="which has no place in weights"):
+            read_weights(path, "h")
+    path.write_bytes(pickle.dumps({"a": 1}))
+    with pytest.raises(InputFileError):
+        read_weights(path, "h")
+
+
+def test_a_network_is_made_only_for_weights_of_its_size():
+    state = torch.nn.Linear(3, 2).state_dict()
+    assert torch.equal(filled(lambda: torch.nn.Linear(3, 2), state).weight, state["weight"])
+    made = []
+
+    def huge():
+        made.append(torch.get_default_device())
+        return torch.nn.Linear(10**7, 10**7)
+
+    with pytest.raises(ValueError, match=r"weight is \[2, 3\], not \[10000000, 10000000\]"):
+        filled(huge, state)
+    assert made == [torch.device("meta")]
+    with pytest.raises(ValueError, match="no tensor bias"):
+        filled(lambda: torch.nn.Linear(3, 2), {"weight": state["weight"]})
+    with pytest.raises(ValueError, match="no place for 'more'"):
+        filled(lambda: torch.nn.Linear(3, 2), {**state, "more": state["bias"]})
