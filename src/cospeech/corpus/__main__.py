@@ -13,6 +13,7 @@ from pathlib import Path
 from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import load_joint_map
+from cospeech.motion.phases import PHASES
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,7 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         checkup = check_path(
             given.path,
             layout=given.layout,
-            settings=Settings(joint_map, given.frame_rate),
+            settings=Settings(
+                joint_map=joint_map,
+                frame_rate=given.frame_rate,
+                phase_tier=given.phase_tier,
+                phase_labels=dict(given.phase_label),
+            ),
             limit=given.limit,
             by_speakers=given.by_speakers,
             workers=given.workers,
@@ -64,6 +70,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     doctor.add_argument("--joint-map", metavar="MAP", help="name or yaml of a joint map")
     doctor.add_argument("--frame-rate", type=float, metavar="FPS", help="true rate of BVH rows")
+    doctor.add_argument("--phase-tier", metavar="TIER", help="tier of gesture phases")
+    doctor.add_argument(
+        "--phase-label",
+        type=_label,
+        action="append",
+        default=[],
+        metavar="TEXT=PHASE",
+        help="what a label of the annotations means; may be given several times",
+    )
     doctor.add_argument("--workers", type=_positive, metavar="N", help="processes (one per core)")
     doctor.add_argument("--json", type=Path, metavar="FILE", help="write all findings there")
     return parser
@@ -74,6 +89,13 @@ def _positive(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError("at least 1")
     return value
+
+
+def _label(text: str) -> tuple[str, str]:
+    label, equals, phase = text.rpartition("=")
+    if not equals or phase not in PHASES:
+        raise argparse.ArgumentTypeError(f"TEXT=PHASE, of the phases {', '.join(PHASES)}")
+    return label, phase
 
 
 def _write(path: Path, text: str) -> None:
