@@ -309,8 +309,8 @@ HANDS = """
 
 def test_of_a_tier_per_hand_the_busier_hand_counts(tmp_path):
     path = elan(tmp_path, HANDS)
-    # the right hand: preparation 0.4-1.04, stroke 1.04-1.64, hold 1.64-2.2
-    at = {0.5: "stroke", 1.0: "stroke", 1.3: "stroke", 1.7: "hold", 2.1: "hold", 2.3: "none"}
+    # the right hand: preparation 0.52-1.04, stroke 1.04-1.64, hold 1.64-2.2
+    at = {0.6: "stroke", 1.0: "stroke", 1.3: "stroke", 1.7: "hold", 2.1: "hold", 2.3: "none"}
     labels = frame_phases(read_phases(path), 30, 10.0)
     assert {time: PHASES[labels[round(time * 10)]] for time in at} == at
     left = frame_phases(read_phases(path, "LH phase"), 30, 10.0)

@@ -199,7 +199,7 @@ def _too_long(path: Path, longest_s: float, max_duration_s: float) -> InputFileE
     if longest_s < max_duration_s:
         return InputFileError(
             path,
-            f"claims over {longest_s / 3600:g} h of sound in {path.stat().st_size} bytes, as no"
+            f"claims over {longest_s:.0f} s of sound in {path.stat().st_size} bytes, as no"
             " recording does",
             hint="export it again from the original",
         )

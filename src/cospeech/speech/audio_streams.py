@@ -46,6 +46,8 @@ LONGEST_DECODING_S = 900.0
 
 _log = logging.getLogger(__name__)
 
+_AU_HEADER = struct.Struct(">4s5I")  # magic, start of the samples, bytes, encoding, rate, channels
+
 _BLOCK_VALUES = 1 << 20  # frames times channels per read: a hostile header can't make us allocate
 # No playlist or script, which could name other files.
 _DEMUXERS = (
@@ -90,8 +92,8 @@ def open_sound(path: Path) -> Iterator[SoundStream]:
         program = find_ffmpeg()
         if program is None or not _is_container(path):
             raise _unknown_format(path, error) from error
-        with _decoded(path, program) as blocks:
-            yield SoundStream(SAMPLE_RATE, 2, None, blocks)
+        with _decoded(path, program) as stream:
+            yield stream
         return
     with file:
         promised = file.frames if file.frames < UNKNOWN_FRAMES else None
@@ -165,12 +167,12 @@ class _UntilTheEnd(io.FileIO):
 
 
 @contextmanager
-def _decoded(path: Path, program: str) -> Iterator[Iterator[NDArray[np.float32]]]:
-    """Blocks of two channels at 16 kHz out of ffmpeg, which ends with the context."""
+def _decoded(path: Path, program: str) -> Iterator[SoundStream]:
+    """What ffmpeg makes of a file, at 16 kHz, as au: a fixed header and samples until the end."""
     command = [
         program, "-nostdin", "-v", "error", "-max_alloc", str(1 << 28),
         "-protocol_whitelist", "file", "-format_whitelist", _DEMUXERS, "-i", f"file:{path}",
-        "-map", "0:a:0", "-ac", "2", "-ar", str(SAMPLE_RATE), "-f", "f32le", "pipe:1",
+        "-map", "0:a:0", "-ar", str(SAMPLE_RATE), "-c:a", "pcm_f32be", "-f", "au", "pipe:1",
     ]  # fmt: skip
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said)
@@ -185,7 +187,13 @@ def _decoded(path: Path, program: str) -> Iterator[Iterator[NDArray[np.float32]]
         timer.daemon = True
         timer.start()
         try:
-            yield _pipe_blocks(path, process, process.stdout, said, late)
+            header = process.stdout.read(_AU_HEADER.size)
+            if len(header) < _AU_HEADER.size:
+                raise _undecoded(path, process, said, late)
+            start, rate, channels = (_AU_HEADER.unpack(header)[i] for i in (1, 4, 5))
+            process.stdout.read(start - _AU_HEADER.size)
+            blocks = _pipe_blocks(path, process, said, late, channels)
+            yield SoundStream(rate, channels, None, blocks)
         finally:
             timer.cancel()
             process.kill()
@@ -196,31 +204,38 @@ def _decoded(path: Path, program: str) -> Iterator[Iterator[NDArray[np.float32]]
 def _pipe_blocks(
     path: Path,
     process: subprocess.Popen[bytes],
-    pipe: IO[bytes],
     said: IO[bytes],
     late: threading.Event,
+    channels: int,
 ) -> Iterator[NDArray[np.float32]]:
-    frame_bytes, done = 8, 0
-    while len(data := pipe.read(4 * _BLOCK_VALUES)) >= frame_bytes:
-        whole = len(data) // frame_bytes * frame_bytes
-        done += whole
-        yield np.frombuffer(data[:whole], np.dtype("<f4")).astype(np.float32).reshape(-1, 2)
+    assert process.stdout is not None
+    frame_bytes = 4 * channels
+    block_bytes = max(1, _BLOCK_VALUES // channels) * frame_bytes
+    while len(data := process.stdout.read(block_bytes)) >= frame_bytes:
+        whole = data[: len(data) // frame_bytes * frame_bytes]
+        yield np.frombuffer(whole, np.dtype(">f4")).astype(np.float32).reshape(-1, channels)
+    if process.wait() != 0 or late.is_set():
+        error = _undecoded(path, process, said, late)
+        if late.is_set():
+            raise error
+        _log.warning("%s is used as far as it was decoded", error.problem)
+
+
+def _undecoded(
+    path: Path, process: subprocess.Popen[bytes], said: IO[bytes], late: threading.Event
+) -> InputFileError:
+    """Why ffmpeg has ended without a sound."""
     code = process.wait()
     if late.is_set():
         problem = f"ffmpeg has not decoded it within {LONGEST_DECODING_S:g} s"
-        raise InputFileError(path, problem, hint=_conversion(path))
+        return InputFileError(path, problem, hint=_conversion(path))
     said.seek(0)
     lines = said.read(1 << 16).decode("utf-8", "replace").strip().splitlines()
+    if any("matches no streams" in line for line in lines):
+        return InputFileError(path, "has no sound", hint="keep it in another folder")
     reason = lines[-1][:200] if lines else f"code {code}"
-    if code == 0 and not lines:
-        return
-    if done:
-        _log.warning("%s: ffmpeg says: %s", path, reason)
-    elif any("matches no streams" in line for line in lines):
-        raise InputFileError(path, "has no sound", hint="keep it in another folder")
-    else:
-        hint = "copy it again, or export its sound as wav"
-        raise InputFileError(path, f"ffmpeg can't decode it ({reason})", hint=hint)
+    hint = "copy it again, or export its sound as wav"
+    return InputFileError(path, f"ffmpeg can't decode it ({reason})", hint=hint)
 
 
 def _is_container(path: Path) -> bool:

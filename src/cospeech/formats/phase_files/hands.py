@@ -62,13 +62,12 @@ def busier_hand(hands: Sequence[Sequence[PhaseSegment]]) -> list[PhaseSegment]:
     rank = np.array([BUSIEST_FIRST.index(label) for label in PHASES])
     for hand in hands:
         # The stretches between edges are numbered like frames, for which overlaps are solved.
-        numbered = [
-            PhaseSegment(*np.searchsorted(edges, (one.start_s, one.end_s)).tolist(), one.label)
-            for one in hand
-        ]
+        numbered = []
         covered = np.zeros(len(best), np.bool_)
-        for one in numbered:
-            covered[int(one.start_s) : int(one.end_s)] = True
+        for one in hand:
+            first, stop = np.searchsorted(edges, (one.start_s, one.end_s)).tolist()
+            numbered.append(PhaseSegment(first, stop, one.label))
+            covered[first:stop] = True
         labels = frame_phases(numbered, len(best), 1.0)
         best = np.where(covered, np.minimum(best, rank[labels]), best)
     return [
