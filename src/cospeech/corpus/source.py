@@ -59,7 +59,8 @@ def explained(error: Exception) -> CospeechError:
     if isinstance(error, CospeechError):
         return error
     frames = traceback.extract_tb(error.__traceback__)
-    ours = [frame for frame in frames if "cospeech" in Path(frame.filename).parts] or frames
+    package = Path(__file__).parents[1]
+    ours = [frame for frame in frames if Path(frame.filename).is_relative_to(package)] or frames
     place = f" ({Path(ours[-1].filename).name}, line {ours[-1].lineno})" if ours else ""
     reason = str(error).strip().split("\n", 1)[0][:200]
     return CospeechError(
