@@ -86,6 +86,8 @@ class MocapCorpus(StoreDataModule):
         """The corpus's own settings; what tables and joint maps say is known by themselves."""
         elsewhere = {one.name for one in fields(StoreDataModule)}
         elsewhere |= {"root", "split_list", "offsets", "joint_map"}
+        # Where they say nothing, a store that was made before they could be said stays good.
+        elsewhere |= {name for name in ("phase_tier", "phase_labels") if not getattr(self, name)}
         names = [one.name for one in fields(self) if one.name not in elsewhere]
         return {name: getattr(self, name) for name in names}
 
