@@ -295,10 +295,10 @@ class StoreDataModule(LightningDataModule):
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Size and time of a file; a link to nothing has neither, and reading it says so."""
+    """Size and time of a file; a link to nothing has neither, and reading it says what is wrong."""
     try:
         stat = path.stat()
-    except FileNotFoundError:
+    except OSError:
         return -1, 0
     return stat.st_size, stat.st_mtime_ns
 

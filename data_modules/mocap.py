@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from cospeech.corpus.source import Source
+from cospeech.doctor import examined_source
 from cospeech.errors import ConfigError
 from cospeech.formats.mocap import (
     MissingAudio,
@@ -19,6 +20,7 @@ from cospeech.formats.mocap import (
     take_sources,
     with_split_list,
 )
+from cospeech.formats.phase_files.labels import phase_meanings
 from cospeech.motion.bvh import UP_AXES, UpAxis
 from cospeech.motion.joint_map import JointMap, load_joint_map
 from cospeech.motion.joint_map_values import UNIT_SCALES
@@ -35,17 +37,21 @@ class MocapCorpus(StoreDataModule):
     Args:
         root: The folder.
         missing_audio: Motion without audio: ``"skip"`` it, read it with ``"silence"``, or
-            ``"auto"``: with silence where there is no audio at all.
+            ``"auto"``: with silence where no file may hold sound.
         frame_rate: Frames per second of all BVH rows, for files whose header is wrong.
         unit_scale: Metres per unit of the BVH files; None: by the joint map.
         up_axis: Vertical axis of the BVH files: ``"y"`` or ``"z"``.
         joint_map: Name of a packaged joint map or path of a yaml, for skeletons whose joint names
             aren't known; None: found by the names.
+        phase_tier: Tier or track of the gesture phases in annotation files; None: found by its
+            labels (`cospeech.formats.phase_files.read_phases`).
+        phase_labels: What labels of the annotations mean, besides those known: text -> phase.
         split_list: Splits to use in the place of the corpus's own
             (`cospeech.formats.mocap.read_split_list`), with ``split="published"``.
 
     Raises:
-        ConfigError: ``frame_rate`` or ``unit_scale`` is no usable number, or ``up_axis`` no axis.
+        ConfigError: ``frame_rate`` or ``unit_scale`` is no usable number, ``up_axis`` no axis,
+            ``phase_labels`` names no phase, or ``split`` is none of the four.
     """
 
     root: str
@@ -54,6 +60,8 @@ class MocapCorpus(StoreDataModule):
     unit_scale: float | None = None
     up_axis: UpAxis = "y"
     joint_map: str | None
+    phase_tier: str | None = None
+    phase_labels: Mapping[str, str] = field(default_factory=dict)
     split_list: str | None = None
 
     def __post_init__(self) -> None:
@@ -62,6 +70,8 @@ class MocapCorpus(StoreDataModule):
         _refuse_number("unit_scale", self.unit_scale, UNIT_SCALES, "metres per unit of the files")
         if self.up_axis not in UP_AXES:
             raise ConfigError(f"data.up_axis={self.up_axis}: choose one of {', '.join(UP_AXES)}")
+        self.phase_labels = {str(text): label for text, label in self.phase_labels.items()}
+        phase_meanings(self.phase_labels)
 
     def evaluation_joints(self) -> JointMap | None:
         """The user's choice, if any."""
@@ -78,19 +88,24 @@ class MocapCorpus(StoreDataModule):
             takes = with_split_list(takes, self.split_list)
         if self.split == "published":
             takes = leave_out_unsplit(takes)
-        return take_sources(
+        sources = take_sources(
             takes,
             frame_rate=self.frame_rate,
             unit_scale=self.unit_scale,
             up_axis=self.up_axis,
             joint_map=self.evaluation_joints(),
+            phase_tier=self.phase_tier,
+            phase_labels=self.phase_labels,
         )
+        return [examined_source(source, self.evaluation_joints()) for source in sources]
 
     def settings(self) -> dict[str, Any]:
         """The corpus's own settings; what tables and joint maps say is known by themselves."""
-        elsewhere = {field.name for field in fields(StoreDataModule)}
+        elsewhere = {one.name for one in fields(StoreDataModule)}
         elsewhere |= {"root", "split_list", "offsets", "joint_map"}
-        names = [field.name for field in fields(self) if field.name not in elsewhere]
+        # Where they say nothing, a store that was made before they could be said stays good.
+        elsewhere |= {name for name in ("phase_tier", "phase_labels") if not getattr(self, name)}
+        names = [one.name for one in fields(self) if one.name not in elsewhere]
         return {name: getattr(self, name) for name in names}
 
 

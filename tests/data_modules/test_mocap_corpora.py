@@ -109,7 +109,7 @@ def test_zeggs(tmp_path):
     with pytest.raises(CospeechError, match="none of the 3 recordings is in a published split"):
         data_module("zeggs", root, tmp_path / "s").prepare_store()
     sources = data_module("zeggs", root, tmp_path / "s", "split=recordings").find_sources()
-    assert [type(source.read()[0]).__name__ for source in sources] == [
+    assert [type(next(iter(source.read()))).__name__ for source in sources] == [
         "Dropped", "Recording", "Recording",
     ]  # fmt: skip
 
@@ -136,6 +136,9 @@ def test_settings_that_change_a_recording_change_the_store(tmp_path):
         "missing_audio": "auto", "frame_rate": None, "unit_scale": None, "up_axis": "y",
         "speaker": "folder", "licence": "",
     }  # fmt: skip
+    told = ("phase_tier=phase", "phase_labels={p2: stroke}")
+    settings = data_module("mocap", tmp_path / "m", tmp_path / "s", *told).settings()
+    assert settings == base.settings() | {"phase_tier": "phase", "phase_labels": {"p2": "stroke"}}
     assert base.evaluation_joints() is None
     mapped = data_module("mocap", tmp_path / "m", tmp_path / "s", "joint_map=mixamo")
     assert mapped.evaluation_joints() == load_joint_map("mixamo")

@@ -47,7 +47,7 @@ def test_motion_without_audio_is_refused_or_read_with_silence(tmp_path):
     recording = read_take(take)
     assert recording.annotations["silent"] is True
     assert recording.annotations["warnings"] == [
-        "no audio for t.bvh: silence as long as the motion"
+        "no t.wav/.flac/.ogg/.mp3 for t.bvh; audio found: none: silence as long as the motion"
     ]
     assert len(recording.motion) == 93
     assert len(recording.speech.waveform) == 49_600

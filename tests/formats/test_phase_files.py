@@ -1,14 +1,18 @@
 """Gesture phases from annotation files, honest and hostile."""
 
 import contextlib
+import re
+import shlex
 import time
 
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.formats.phase_files import PhaseSegment, read_phases
+from cospeech.formats.phase_files import PhaseSegment, frame_phases, read_phases
+from cospeech.formats.phase_files.hands import BUSIEST_FIRST, are_hands, busier_hand
 from cospeech.motion.phases import PHASES
 
 ANVIL = """<?xml version="1.0" encoding="{encoding}"?>
@@ -267,7 +271,8 @@ def test_what_the_literature_calls_the_phases(tmp_path, text, label):
 def test_an_unknown_label_names_the_known_ones_and_a_mapping_mends_it(tmp_path):
     path = write(tmp_path, "t.csv", "0,1,P\n1,2,wobble\n2,2,stroke\n3,4,\n")
     with pytest.raises(
-        InputFileError, match=r"(?s)line 1: 'P' is not.*independent_hold.*labels=\{'P'"
+        InputFileError,
+        match=r"(?s)line 1: 'P' is not.*independent_hold.*'data\.phase_labels=\{p: str",
     ):
         read_phases(path)
     own = {"p": "preparation", "Wobble": "independent_hold"}
@@ -285,13 +290,82 @@ def test_a_users_meaning_goes_before_the_known_one(tmp_path):
     assert read_phases(path, labels={"Rest": "none"}) == [PhaseSegment(0.0, 1.0, "none")]
 
 
+def typed(error, key: str):
+    """What a shell and Hydra make of the settings that an error's hint names."""
+    quoted = re.findall(r"'data\.[^']+'", error.hint)
+    parsed = OverridesParser.create().parse_overrides([shlex.split(one)[0] for one in quoted])
+    return [one.value() for one in parsed if one.key_or_group == f"data.{key}"]
+
+
+HANDS = """
+<TIER LINGUISTIC_TYPE_REF="sub" TIER_ID="LH phase">
+  <ANNOTATION><ALIGNABLE_ANNOTATION ANNOTATION_ID="e1" TIME_SLOT_REF1="ts1" TIME_SLOT_REF2="ts3">
+    <ANNOTATION_VALUE>stroke</ANNOTATION_VALUE></ALIGNABLE_ANNOTATION></ANNOTATION>
+  <ANNOTATION><ALIGNABLE_ANNOTATION ANNOTATION_ID="e2" TIME_SLOT_REF1="ts3" TIME_SLOT_REF2="ts8">
+    <ANNOTATION_VALUE>retraction</ANNOTATION_VALUE></ALIGNABLE_ANNOTATION></ANNOTATION>
+</TIER>
+"""
+
+
+def test_of_a_tier_per_hand_the_busier_hand_counts(tmp_path):
+    path = elan(tmp_path, HANDS)
+    # the right hand: preparation 0.52-1.04, stroke 1.04-1.64, hold 1.64-2.2
+    at = {0.6: "stroke", 1.0: "stroke", 1.3: "stroke", 1.7: "hold", 2.1: "hold", 2.3: "none"}
+    labels = frame_phases(read_phases(path), 30, 10.0)
+    assert {time: PHASES[labels[round(time * 10)]] for time in at} == at
+    left = frame_phases(read_phases(path, "LH phase"), 30, 10.0)
+    assert PHASES[left[17]] == "retract"
+
+
+def test_time_of_one_hand_alone_keeps_its_label():
+    left = [PhaseSegment(0.0, 2.0, "none"), PhaseSegment(0.5, 1.0, "stroke")]
+    right = [PhaseSegment(1.5, 3.0, "retract")]
+    labels = frame_phases(busier_hand([left, right]), 8, 2.0)
+    expected = ("none", "stroke", "none", "retract", "retract", "retract", "none", "none")
+    assert tuple(PHASES[label] for label in labels) == expected
+    assert set(BUSIEST_FIRST) == set(PHASES)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "hands"),
+    [
+        ("phase_left", "phase_right", True),
+        ("PhaseLeft", "PhaseRight", True),
+        ("Hand (L)", "Hand (R)", True),
+        ("A_phase_left", "B_phase_right", False),
+        ("phase_left", "phase_left", False),
+        ("left", "phase", False),
+    ],
+)
+def test_tiers_that_differ_by_left_and_right_alone_are_hands(first, second, hands):
+    assert are_hands([first, second]) is hands
+
+
+def test_the_origin_of_the_clock_of_the_media_file_is_added(tmp_path):
+    media = '<MEDIA_DESCRIPTOR MEDIA_URL="file:///{}" MIME_TYPE="video/mp4" TIME_ORIGIN="{}"/>'
+    start = PHASES_OF_BOTH[0].start_s
+
+    def read(*descriptors):
+        (told,) = re.findall(r"<MEDIA_DESCRIPTOR.*/>", ELAN)
+        text = ELAN.replace("{more}", "").replace(told, "".join(descriptors))
+        return read_phases(write(tmp_path, "take.eaf", text))
+
+    assert read(media.format("take.mp4", "1500"))[0].start_s == pytest.approx(start + 1.5)
+    both = [media.format("side.mp4", "700"), media.format("take.wav", "1500")]
+    assert read(*both)[0].start_s == pytest.approx(start + 1.5)
+    with pytest.raises(InputFileError, match=r"start at 0\.7 s, 1\.5 s \(TIME_ORIGIN\)"):
+        read(media.format("side.mp4", "700"), media.format("front.mp4", "1500"))
+
+
 # Choosing a tier ---------------------------------------------------------------------------------
 
 
 def test_several_tiers_with_phases_are_listed(tmp_path):
     path = elan(tmp_path, SUBDIVIDED)
-    with pytest.raises(InputFileError, match=r"several tiers.*'RH phase', 'parts'"):
+    with pytest.raises(InputFileError, match=r"several tiers.*'RH phase', 'parts'") as caught:
         read_phases(path)
+    (name,) = typed(caught.value, "phase_tier")
+    assert read_phases(path, name) == PHASES_OF_BOTH
 
 
 def test_a_tier_that_is_not_there(tmp_path):
@@ -300,8 +374,11 @@ def test_a_tier_that_is_not_there(tmp_path):
 
 
 def test_no_tier_with_phases_alone(tmp_path):
-    with pytest.raises(InputFileError, match=r"'RH phase' has 'wave'; 'words' has 'well then'"):
-        read_phases(elan(tmp_path, STROKE="wave"))
+    path = elan(tmp_path, STROKE="Wáve!")
+    with pytest.raises(InputFileError, match=r"'RH phase' has 'Wáve!'; 'words' has 'wel") as caught:
+        read_phases(path)
+    (name,), (meanings,) = (typed(caught.value, key) for key in ("phase_tier", "phase_labels"))
+    assert read_phases(path, name, meanings) == PHASES_OF_BOTH
 
 
 def test_a_file_of_another_kind(tmp_path):
@@ -351,7 +428,7 @@ def test_depth_and_size_are_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr("cospeech.formats.phase_files.bounded_xml.MAX_ENTRIES", 5)
     with pytest.raises(InputFileError, match="line 8: more than 5 elements"):
         read_phases(write(tmp_path, "take.anvil", ANVIL.format(encoding="utf-8")))
-    monkeypatch.setattr("cospeech.formats.phase_files.tiers.MAX_BYTES", 99)
+    monkeypatch.setattr("cospeech.formats.phase_files.bounded_xml.MAX_BYTES", 99)
     with pytest.raises(InputFileError, match="too long"):
         read_phases(write(tmp_path, "take.anvil", ANVIL.format(encoding="utf-8")))
 

@@ -46,7 +46,7 @@ def test_channels_are_averaged(tmp_path):
 def test_reading_in_blocks_has_no_seams(tmp_path, monkeypatch):
     path = write(tmp_path / "a.wav", sine(44100), 44100)
     whole = load_audio(path)
-    monkeypatch.setattr("cospeech.speech.audio._BLOCK_VALUES", 1000)
+    monkeypatch.setattr("cospeech.speech.audio_streams._BLOCK_VALUES", 1000)
     np.testing.assert_allclose(load_audio(path), whole, atol=1e-7)
 
 
@@ -91,7 +91,8 @@ def test_empty_files(tmp_path):
         ("talk.mp4", b"anything"),
     ],
 )
-def test_containers_come_with_the_command_that_converts_them(tmp_path, name, content):
+def test_containers_come_with_the_command_that_converts_them(tmp_path, monkeypatch, name, content):
+    monkeypatch.setattr("cospeech.speech.audio_streams.find_ffmpeg", lambda: None)
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputFileError, match=r"ffmpeg -i .* -ac 1 -ar 16000 .*wav") as caught:
         load_audio(tmp_path / name)

@@ -15,6 +15,7 @@ from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_repo
 from cospeech.errors import CospeechError
 from cospeech.motion.bvh import UP_AXES
 from cospeech.motion.joint_map import load_joint_map
+from cospeech.motion.phases import PHASES
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,7 +34,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         checkup = check_path(
             given.path,
             layout=given.layout,
-            settings=Settings(joint_map, given.frame_rate, given.unit_scale, given.up_axis),
+            settings=Settings(
+                joint_map=joint_map,
+                frame_rate=given.frame_rate,
+                unit_scale=given.unit_scale,
+                up_axis=given.up_axis,
+                phase_tier=given.phase_tier,
+                phase_labels=dict(given.phase_label),
+            ),
             limit=given.limit,
             by_speakers=given.by_speakers,
             workers=given.workers,
@@ -72,6 +80,15 @@ def _parser() -> argparse.ArgumentParser:
     doctor.add_argument(
         "--up-axis", choices=UP_AXES, default="y", help="vertical axis of BVH files"
     )
+    doctor.add_argument("--phase-tier", metavar="TIER", help="tier of gesture phases")
+    doctor.add_argument(
+        "--phase-label",
+        type=_label,
+        action="append",
+        default=[],
+        metavar="TEXT=PHASE",
+        help="what a label of the annotations means; may be given several times",
+    )
     doctor.add_argument("--workers", type=_positive, metavar="N", help="processes (one per core)")
     doctor.add_argument("--json", type=Path, metavar="FILE", help="write all findings there")
     return parser
@@ -89,6 +106,13 @@ def _above_zero(text: str) -> float:
     if not 0 < value < math.inf:
         raise argparse.ArgumentTypeError("a number above 0")
     return value
+
+
+def _label(text: str) -> tuple[str, str]:
+    label, equals, phase = text.rpartition("=")
+    if not equals or phase not in PHASES:
+        raise argparse.ArgumentTypeError(f"TEXT=PHASE, of the phases {', '.join(PHASES)}")
+    return label, phase
 
 
 def _write(path: Path, text: str) -> None:

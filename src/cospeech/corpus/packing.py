@@ -50,6 +50,7 @@ class PackedRecording:
         annotations: Whatever else is known.
         rows: Stream name -> number of rows.
         data: Stream name -> their bytes; a stream without rows is left out.
+        remarks: (kind, advice) of each `Remark`.
     """
 
     facts: dict[str, Any]
@@ -59,6 +60,7 @@ class PackedRecording:
     annotations: dict[str, Any]
     rows: dict[str, int]
     data: dict[str, bytes]
+    remarks: list[tuple[str, str]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,8 @@ class PackedSource:
 def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) -> PackedSource:
     """Read a source and pack its recordings; what can't be used is noted, never raised.
 
+    Whatever error comes up, expected or not, costs the recording or the rest of the source.
+
     Args:
         source: The source.
         joint_map: Where the evaluation joints are; found by the joints' names when None.
@@ -102,16 +106,15 @@ def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) ->
                 continue
             try:
                 recordings.append(pack(item, joint_map, upper_body))
-            except CospeechError as error:
+            except Exception as error:
                 words = tuple(word.text for word in item.speech.words or ())
-                reason = "unusable motion"
-                dropped.append(Dropped(item.id, str(error), reason, is_fault=True, words=words))
+                dropped.append(Dropped.fault(item.id, error, "unusable motion", words))
                 texts |= dict.fromkeys(filter(None, map(normalise_word, words)))
             else:
                 texts |= dict.fromkeys(recordings[-1].texts)
                 texts |= dict.fromkeys(recordings[-1].interlocutor_texts)
-    except CospeechError as error:
-        dropped.append(Dropped(source.id, str(error), "unreadable", True))
+    except Exception as error:
+        dropped.append(Dropped.fault(source.id, error))
     return PackedSource(source.id, recordings, dropped, list(texts))
 
 
@@ -185,6 +188,7 @@ def pack(
             for stream, array in arrays.items()
             if len(array)
         },
+        remarks=[(remark.kind, remark.advice) for remark in recording.remarks],
     )
 
 
@@ -198,13 +202,15 @@ def journal_entry(source: PackedSource, skeletons: Sequence[int]) -> dict[str, A
     return {
         "source": source.id,
         "dropped": [
-            {k: v for k, v in asdict(dropped).items() if k != "words"} for dropped in source.dropped
+            {k: v for k, v in asdict(dropped).items() if k not in ("words", "trace")}
+            for dropped in source.dropped
         ],
         "texts": source.texts,
         "recordings": [
             {
                 "facts": {**packed.facts, "skeleton": skeleton},
                 "rows": packed.rows,
+                "remarks": packed.remarks,
             }
             for packed, skeleton in zip(source.recordings, skeletons, strict=True)
         ],

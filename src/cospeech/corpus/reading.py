@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from itertools import islice
 from pathlib import Path
 
@@ -43,9 +44,12 @@ def sensible_workers(sources: Iterable[Source]) -> int:
 
 def _sizes(path: Path) -> Iterator[int]:
     """Bytes of a file, or of the files directly in a folder that a source reads from."""
-    for file in path.iterdir() if path.is_dir() else (path,):
-        if file.is_file():
-            yield file.stat().st_size
+    try:
+        for file in path.iterdir() if path.is_dir() else (path,):
+            if file.is_file():
+                yield file.stat().st_size
+    except OSError:
+        return  # reading it says what is wrong
 
 
 def packed_sources(
@@ -56,6 +60,8 @@ def packed_sources(
 ) -> Generator[PackedSource]:
     """Sources as they come out of `pack_source`, in their order whatever the number of workers.
 
+    Where unexpected errors came from is logged.
+
     Args:
         sources: What to read.
         joint_map: Where the evaluation joints are; found by the joints' names when None.
@@ -65,6 +71,17 @@ def packed_sources(
     Raises:
         CospeechError: A worker process died.
     """
+    with closing(_all_packed(sources, joint_map, upper_body, workers)) as every:
+        for packed in every:
+            for dropped in packed.faults:
+                if dropped.trace:
+                    logger.debug("reading %s:\n%s", dropped.id, dropped.trace)
+            yield packed
+
+
+def _all_packed(
+    sources: Iterable[Source], joint_map: JointMap | None, upper_body: bool, workers: int
+) -> Generator[PackedSource]:
     if workers <= 1:
         for source in sources:
             yield pack_source(source, joint_map, upper_body)

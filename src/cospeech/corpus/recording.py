@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,23 @@ class WindowList:
     dropped: dict[str, int] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Remark:
+    """Something about a recording that its user should know; it is used all the same.
+
+    Attributes:
+        kind: In a few words, the same for all of its kind, for counting: ``"no usable phases"``.
+        text: A sentence: what, in which file.
+        advice: What to do about it, or to type; empty where nothing needs doing.
+        path: The file, where the remark is that it could not be used.
+    """
+
+    kind: str
+    text: str
+    advice: str = ""
+    path: Path | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Speech and motion of one take, as a reader yields it.
@@ -52,6 +70,7 @@ class Recording:
         licence: Licence of the data.
         interlocutor: Speech of the other side of a dialogue, on the same clock.
         windows: The only windows of the published list; None where any window may be used.
+        remarks: What its user should know.
     """
 
     id: str
@@ -65,3 +84,4 @@ class Recording:
     licence: str = ""
     interlocutor: Speech | None = None
     windows: WindowList | None = None
+    remarks: tuple[Remark, ...] = ()

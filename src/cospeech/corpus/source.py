@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +23,7 @@ class Dropped:
             such a thing stops the preparation where the user wants it strict.
         windows: Filter -> number of candidate windows that it left out here.
         words: What was said here, for published vocabularies count it all the same.
+        trace: Where in the code an unexpected error came from, for the log file.
     """
 
     id: str
@@ -30,6 +32,41 @@ class Dropped:
     is_fault: bool = False
     windows: dict[str, int] = field(default_factory=dict)
     words: tuple[str, ...] = ()
+    trace: str = ""
+
+    @classmethod
+    def fault(
+        cls, name: str, error: Exception, kind: str = "unreadable", words: tuple[str, ...] = ()
+    ) -> Dropped:
+        """What an error costs.
+
+        Args:
+            name: The recording, or the source, that it costs.
+            error: Any error that came up while it was read.
+            kind: For counting.
+            words: What was said there.
+        """
+        lines = traceback.format_exception(error)
+        expected = isinstance(error, CospeechError) and error.__cause__ is None
+        told = explained(error)
+        return cls(
+            name, str(told), kind, True, words=words, trace="" if expected else "".join(lines)
+        )
+
+
+def explained(error: Exception) -> CospeechError:
+    """An error as one for the person who owns the data: an unexpected one says what and where."""
+    if isinstance(error, CospeechError):
+        return error
+    frames = traceback.extract_tb(error.__traceback__)
+    package = Path(__file__).parents[1]
+    ours = [frame for frame in frames if Path(frame.filename).is_relative_to(package)] or frames
+    place = f" ({Path(ours[-1].filename).name}, line {ours[-1].lineno})" if ours else ""
+    reason = str(error).strip().split("\n", 1)[0][:200]
+    return CospeechError(
+        f"unexpected {type(error).__name__}{f': {reason}' if reason else ''}{place}",
+        "the log file of prepare.py has the traceback; if the files are sound, please report it",
+    )
 
 
 @dataclass(frozen=True)

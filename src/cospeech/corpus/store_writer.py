@@ -78,6 +78,7 @@ class StoreWriter:
         self._word_ids = {token: i for i, token in enumerate(SPECIAL_TOKENS)}
         self._window_grid: dict[str, Any] | None = None
         self.dropped_windows: Counter[str] = Counter()
+        self._remarks: Counter[tuple[str, ...]] = Counter()
         self.skipped: list[Dropped] = []
         self.sources_done: list[str] = []
 
@@ -176,6 +177,7 @@ class StoreWriter:
                 self._columns[name].append(facts[name])
             for stream in STREAMS:
                 self._rows[stream].append(values["rows"][stream])
+            self._remarks.update({tuple(remark) for remark in values.get("remarks", ())})
             self.dropped_windows.update(facts["dropped_windows"])
             self._window_grid = facts["window_grid"] or self._window_grid
 
@@ -230,6 +232,7 @@ class StoreWriter:
                 {"id": item.id, "reason": item.reason, "kind": item.kind, "is_fault": item.is_fault}
                 for item in self.skipped
             ],
+            "remarks": [[*remark, count] for remark, count in self._remarks.items()],
             "dropped_windows": dict(sorted(self.dropped_windows.items())),
             "recordings": self._columns,
             "rows": self._rows,

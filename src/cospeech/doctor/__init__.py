@@ -4,6 +4,7 @@ from cospeech.doctor.checkup import Checkup, check_path
 from cospeech.doctor.corpus import compare
 from cospeech.doctor.examination import Examination, examine, examine_closely
 from cospeech.doctor.findings import Check, Files, Finding, Severity, has_errors
+from cospeech.doctor.gate import examined_source
 from cospeech.doctor.layouts import LAYOUTS
 from cospeech.doctor.reading import Settings
 from cospeech.doctor.report import text_report
@@ -21,6 +22,7 @@ __all__ = [
     "compare",
     "examine",
     "examine_closely",
+    "examined_source",
     "has_errors",
     "text_report",
 ]

@@ -60,12 +60,15 @@ def level_db(waveform: NDArray[np.float32]) -> NDArray[np.float64]:
     return 10 * np.log10(power + 10 ** (FLOOR_DB / 10))
 
 
-def check_signal(waveform: NDArray[np.float32], files: Files) -> list[Finding]:
+def check_signal(
+    waveform: NDArray[np.float32], files: Files, is_dialogue: bool = False
+) -> list[Finding]:
     """NaN, nothing but silence, and flat tops.
 
     Args:
         waveform: ``(N,)`` at 16 kHz.
         files: What to call it.
+        is_dialogue: Whether the recording is one side of a dialogue, who may well say nothing.
     """
     if len(waveform) == 0:
         return []
@@ -86,7 +89,7 @@ def check_signal(waveform: NDArray[np.float32], files: Files) -> list[Finding]:
         return [
             Finding(
                 Check.SILENT,
-                Severity.ERROR,
+                Severity.WARNING if is_dialogue else Severity.ERROR,
                 files.audio,
                 None,
                 f"all of it is silent: 99 % stays below {SILENT_DB:g} dB of full scale",

@@ -135,7 +135,7 @@ def examine_closely(
 
 def _examine_speech(recording: Recording, files: Files) -> tuple[list[Finding], Doubt | None]:
     speech = recording.speech
-    findings = check_signal(speech.waveform, files)
+    findings = check_signal(speech.waveform, files, recording.interlocutor is not None)
     is_heard = not any(f.check in (Check.NOT_A_NUMBER, Check.SILENT) for f in findings)
     intervals = word_intervals(speech.words)
     ends: list[Finding] = []

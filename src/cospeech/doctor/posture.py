@@ -105,7 +105,8 @@ def check_vertical(body: Body, files: Files) -> list[Finding]:
         ]
     steps = {
         "-y": "y points down: turn the sign of y and of one more axis (keep left and right)",
-        "+z": "z is up: read BVH files with data.up_axis=z, or export with y up",
+        "+z": "z is up: data.up_axis=z, or export with y up, or turn by -90 degrees about x:"
+        " (x, y, z) to (x, z, -y)",
     }
     return [
         Finding(

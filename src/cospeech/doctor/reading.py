@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
-import soundfile
 
 from cospeech.corpus.packing import EVALUATION_FPS
-from cospeech.corpus.recording import Recording
-from cospeech.corpus.source import Dropped, Source
+from cospeech.corpus.recording import Recording, Remark
+from cospeech.corpus.source import Dropped, Source, explained
 from cospeech.corpus.store import Store
 from cospeech.doctor.examination import SPREAD_TIMING, Examination, examine_closely
 from cospeech.doctor.findings import Check, Files, Finding, Severity
@@ -22,6 +23,7 @@ from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap import Take, read_take
 from cospeech.motion.bvh import UpAxis
 from cospeech.motion.joint_map import JointMap
+from cospeech.speech.audio import audio_seconds
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.transcript import read_transcript_with_timing
 
@@ -45,12 +47,16 @@ class Settings:
         frame_rate: Frames per second of BVH rows, where the headers are wrong.
         unit_scale: Metres per unit of BVH files; None: by the joint map.
         up_axis: Vertical axis of BVH files.
+        phase_tier: Tier or track of the gesture phases in annotation files.
+        phase_labels: What the annotations' own labels mean: text -> phase.
     """
 
     joint_map: JointMap | None = None
     frame_rate: float | None = None
     unit_scale: float | None = None
     up_axis: UpAxis = "y"
+    phase_tier: str | None = None
+    phase_labels: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -82,12 +88,16 @@ class Read:
 
 
 def read(item: Take | Source | StoredPart, settings: Settings) -> Read:
-    """Examine one item; whatever is wrong with it becomes a finding."""
-    if isinstance(item, Take):
-        return read_one_take(item, settings)
-    if isinstance(item, StoredPart):
-        return read_stored(item, settings)
-    return read_source(item, settings)
+    """Examine one item; whatever is wrong with it, expected or not, becomes a finding."""
+    name = item.path if isinstance(item, StoredPart) else str(item.files[0] if item.files else item)
+    try:
+        if isinstance(item, Take):
+            return read_one_take(item, settings)
+        if isinstance(item, StoredPart):
+            return read_stored(item, settings)
+        return read_source(item, settings)
+    except Exception as error:
+        return Read(findings=[_unreadable(name, explained(error))])
 
 
 def read_one_take(take: Take, settings: Settings) -> Read:
@@ -114,19 +124,24 @@ def read_one_take(take: Take, settings: Settings) -> Read:
             unit_scale=settings.unit_scale,
             up_axis=settings.up_axis,
             joint_map=settings.joint_map,
+            phase_tier=settings.phase_tier,
+            phase_labels=settings.phase_labels,
         )
-    except CospeechError as error:
+    except Exception as error:
         # Lengths that can't belong together are what the reader stops at.
         if not any(finding.check in (Check.LENGTHS, Check.DRIFT) for finding in findings):
             fps = settings.frame_rate or (lengths.fps if lengths else None)
-            findings.append(_unreadable(files.motion, error, fps))
+            findings.append(_unreadable(files.motion, explained(error), fps))
         return Read(findings=findings)
+    findings += [
+        _unused(remark, remark.path) for remark in recording.remarks if remark.path is not None
+    ]
     examination = examine_closely(recording, files, settings.joint_map, lengths)
     misplaced = {
         finding.check for finding in examination.findings if finding.file == files.words
     } & {Check.TRANSCRIPT, Check.DRIFT}
     if lengths is not None and not misplaced:
-        findings += _words_of_file(take, lengths.audio_s, files)
+        findings += _words_of_file(take, recording.remarks, lengths.audio_s, files)
     return Read([replace(examination, findings=findings + examination.findings)])
 
 
@@ -143,8 +158,8 @@ def read_source(source: Source, settings: Settings) -> Read:
                 result.findings.append(_dropped(item, f"{name} ({item.id})"))
             else:
                 result.left_out[item.kind] += 1
-    except CospeechError as error:
-        result.findings.append(_unreadable(f"{name} ({source.id})", error))
+    except Exception as error:
+        result.findings.append(_unreadable(f"{name} ({source.id})", explained(error)))
     return result
 
 
@@ -194,7 +209,7 @@ def _missing(take: Take) -> list[Finding]:
                 Severity.WARNING,
                 str(take.audio),
                 None,
-                f"there is audio and no motion: {take.problem}",
+                take.problem or f"no motion for {take.audio.name}",
                 "add the BVH file under the same name, or take the audio away; as it is, the"
                 " recording is left out",
             )
@@ -206,7 +221,7 @@ def _missing(take: Take) -> list[Finding]:
                 Severity.WARNING,
                 str(take.motion),
                 None,
-                f"there is motion and no audio called {take.motion.stem}.wav",
+                take.no_audio or f"no audio for {take.motion.name}",
                 "add the audio under the same name; as it is, the recording is left out, or read"
                 " with data.missing_audio=silence",
             )
@@ -224,23 +239,26 @@ def _lengths(take: Take, settings: Settings) -> Lengths | None:
     try:
         with take.motion.open("rb") as file:
             header = _HEADER.search(file.read(HEADER_BYTES))
-        audio = soundfile.info(take.audio)
-        if header is None or audio.samplerate <= 0:
+        if header is None:
             return None
         fps = settings.frame_rate or 1 / float(header[2])
-    except (OSError, ValueError, ZeroDivisionError, soundfile.SoundFileError):
+        motion_s = int(header[1]) / fps - take.excerpt.motion_start
+        audio_s = audio_seconds(take.audio) - take.excerpt.audio_start
+    except (OSError, ArithmeticError, ValueError, CospeechError):
         return None  # the reader says what is wrong
-    motion_s = int(header[1]) / fps - take.excerpt.motion_start
-    audio_s = audio.frames / audio.samplerate - take.excerpt.audio_start
     return Lengths(motion_s, audio_s, fps) if motion_s > 0 and audio_s > 0 else None
 
 
-def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
-    if take.transcript is None:
+def _words_of_file(
+    take: Take, remarks: Sequence[Remark], audio_s: float, files: Files
+) -> list[Finding]:
+    unused = {remark.path for remark in remarks}
+    path = next((path for path in take.transcripts if path not in unused), None)
+    if path is None:
         return []
     start = take.excerpt.audio_start
     try:
-        transcript = read_transcript_with_timing(take.transcript, start + audio_s)
+        transcript = read_transcript_with_timing(path, start + audio_s)
     except CospeechError:
         return []  # empty: the recording has no words, which is looked at with it
     noted = [_note(files, note) for note in transcript.notes]
@@ -274,6 +292,18 @@ def _dropped(dropped: Dropped, name: str) -> Finding:
         float(time[1]) if time else None,
         dropped.reason,
         "copy or download it again; as it is, it is left out",
+    )
+
+
+def _unused(remark: Remark, path: Path) -> Finding:
+    """A side file that the recording does without."""
+    return Finding(
+        Check.UNREADABLE,
+        Severity.WARNING,
+        str(path),
+        None,
+        remark.text,
+        remark.advice or "mend it or take it away; as it is, the recording does without",
     )
 
 

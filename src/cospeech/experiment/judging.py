@@ -62,10 +62,35 @@ def what_was_left_out(manifest: dict[str, Any]) -> str:
     if rules:
         lines.append("dropped recordings: " + ", ".join(f"{n} {kind}" for kind, n in rules.items()))
     faults = [item for item in skipped if item["is_fault"]]
+    if faults:
+        kinds = Counter(item["kind"] for item in faults)
+        counted = "; ".join(f"{_takes(count)}: {kind}" for kind, count in kinds.items())
+        lines.append(f"dropped as faults:  {counted}")
     lines += [f"not usable: {item['id']}: {item['reason']}" for item in faults[:FAULTS_SHOWN]]
     if len(faults) > FAULTS_SHOWN:
         lines.append(f"  and {len(faults) - FAULTS_SHOWN} more: see the report or the manifest")
-    return "\n".join(lines)
+    return "\n".join([*lines, *_remarks(manifest)])
+
+
+def _remarks(manifest: dict[str, Any]) -> list[str]:
+    """What is odd about recordings that are kept, counted, and what to do about it."""
+    counts, advice = Counter[str](), dict[str, str]()
+    has_words = manifest["recordings"]["has_words"]
+    if any(has_words) and not all(has_words):
+        counts["no transcript"] = has_words.count(False)
+        advice["no transcript"] = "a transcript lies beside the audio, under the same name"
+    for kind, what_to_do, count in manifest.get("remarks", []):
+        counts[kind] += count
+        advice[kind] = advice.get(kind) or what_to_do
+    lines = []
+    for kind, count in counts.most_common():
+        lines.append(f"{_takes(count)}: {kind}")
+        lines += [f"  -> {advice[kind]}"] if advice.get(kind) else []
+    return lines
+
+
+def _takes(count: int) -> str:
+    return f"{count} take" if count == 1 else f"{count} takes"
 
 
 def evaluate(cfg: DictConfig) -> Any:

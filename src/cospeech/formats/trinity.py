@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
+from cospeech.corpus.recording import Remark
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.formats.mocap import MissingAudio, Take, find_takes, with_split_list
 from cospeech.formats.mocap.takes import checked_ids
@@ -237,8 +238,10 @@ def _with_overlap_warning(takes: list[Take], split: str) -> list[Take]:
         ", ".join(trained),
         warning,
     )
+    advice = "data.split_rule=challenge"
+    remark = Remark("trains on a test recording of the GENEA Challenge 2020", warning, advice)
     return [
-        replace(take, warnings=(*take.warnings, warning)) if take.id in trained else take
+        replace(take, warnings=(*take.warnings, remark)) if take.id in trained else take
         for take in takes
     ]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -13,63 +12,105 @@ import soxr
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import understood
+from cospeech.speech.audio_streams import READABLE, UNKNOWN_FRAMES, open_sound
 from cospeech.speech.speech import SAMPLE_RATE
 
 MAX_DURATION_S = 4 * 3600.0
 """Longest recording that is loaded: four hours are 0.9 GB of float32 at 16 kHz."""
 
-READABLE = "wav, flac, ogg or mp3"
+SHORT_S, LEAST_BYTES_PER_S = 1800.0, 16.0
+"""What lasts longer than the first, s, has at least so many bytes a second: the sparest speech
+coders write fifty times as many, and a second of digital silence in a usual flac file has forty."""
+
+CANCELLED = 0.02
+"""Power of the mix, as a share of what channels that have nothing to do with each other would add
+up to, below which they cancel each other out; opposite channels of slightly different gain."""
+
+AUDIBLE_POWER = 1e-6
+"""A channel above it (-60 dB of full scale) holds sound."""
 
 _log = logging.getLogger(__name__)
 
 _RATES_HZ = range(1_000, 768_001)
-_BLOCK_VALUES = 1 << 20  # frames times channels per read: a hostile header can't make us allocate
+_GROWTH = 1 << 24  # samples
 _INTEGER_LIKE_PEAK = (
     8.0  # float files overshoot 1 a little; beyond this they hold unscaled integers
 )
-_CONTAINER_SUFFIXES = {
-    ".m4a",
-    ".mp4",
-    ".m4v",
-    ".mov",
-    ".aac",
-    ".wma",
-    ".webm",
-    ".mkv",
-    ".avi",
-    ".3gp",
-}
 
 
 def load_audio(path: str | Path, max_duration_s: float = MAX_DURATION_S) -> NDArray[np.float32]:
-    """Read a recording as mono float32 at 16 kHz.
+    """Read a recording as mono float32 at 16 kHz; what is odd about it is logged.
 
-    Channels are averaged, other rates are resampled (soxr, high quality), and what then lies
-    outside [-1, 1] is clipped. The file is read block by block, so memory follows its real
-    length, not what its header claims.
+    See `read_audio`.
 
     Args:
-        path: A wav, flac, ogg or mp3 file.
+        path: A sound file.
+        max_duration_s: Refuse anything longer, in seconds.
+
+    Raises:
+        InputFileError: As `read_audio`.
+    """
+    waveform, oddities = read_audio(path, max_duration_s)
+    for oddity in oddities:
+        _log.warning("%s %s", path, oddity)
+    return waveform
+
+
+def read_audio(
+    path: str | Path, max_duration_s: float = MAX_DURATION_S
+) -> tuple[NDArray[np.float32], list[str]]:
+    """Read a recording as mono float32 at 16 kHz, and say what is odd about it.
+
+    Channels are averaged, or, where their average cancels out, the loudest is taken. Other rates
+    are resampled (soxr, high quality), and what then lies outside [-1, 1] is clipped. The file is
+    read block by block to its end, so memory follows its real length, not what its header claims.
+
+    Args:
+        path: A wav, flac, ogg or mp3 file, or one in a container (m4a, mp4, ...) that an installed
+            ffmpeg decodes: that of the extra ``video``, else the one on the path.
         max_duration_s: Refuse anything longer, in seconds.
 
     Returns:
-        ``(N,)`` samples in [-1, 1], ``N = round(seconds * 16000)``.
+        ``(N,)`` samples in [-1, 1], ``N = round(seconds * 16000)``; and a sentence per oddity,
+        whose subject is the file.
 
     Raises:
-        InputFileError: The file is missing, empty, in another format, damaged or too long, or
-            it holds NaN or unscaled integers.
+        InputFileError: The file is missing, unreadable, empty, in another format, damaged or too
+            long, for its size too, or it holds NaN or unscaled integers.
     """
     path = Path(path)
-    _check_is_file(path)
-    try:
-        file = soundfile.SoundFile(path)
-    except (soundfile.SoundFileError, TypeError) as error:
-        raise _unknown_format(path, error) from error
-    with file:
-        waveform = _read_blocks(path, file, max_duration_s)
+    with understood(path, "audio", hint="check the file, or convert it to wav"):
+        _check_is_file(path)
+        longest_s = min(max_duration_s, max(SHORT_S, path.stat().st_size / LEAST_BYTES_PER_S))
+        waveform, power, oddities = _read(path, longest_s, max_duration_s, None)
+        loudest = int(power[:-1].argmax())
+        channels = len(power) - 1
+        expected = power[:-1].sum() / channels**2
+        if channels > 1 and power[loudest] > AUDIBLE_POWER and power[-1] < CANCELLED * expected:
+            waveform, _, _ = _read(path, longest_s, max_duration_s, loudest)
+            oddities.append(
+                f"has channels that cancel each other out (one is inverted?): channel {loudest + 1}"
+                f" of {channels} is used alone"
+            )
     if waveform.size == 0:
         raise InputFileError(path, "has no audio samples", hint="record or export it again")
-    return np.clip(waveform, -1.0, 1.0, out=waveform)
+    return np.clip(waveform, -1.0, 1.0, out=waveform), oddities
+
+
+def audio_seconds(path: str | Path) -> float:
+    """Length of a sound file in seconds: by its header, else by reading all of it.
+
+    Raises:
+        InputFileError: As `read_audio`.
+    """
+    try:
+        header = soundfile.info(str(path))
+        if 0 < header.frames < UNKNOWN_FRAMES and header.samplerate in _RATES_HZ:
+            return float(header.frames / header.samplerate)
+    except (soundfile.SoundFileError, OSError, TypeError):
+        pass  # the reader knows better, or says what is wrong
+    return len(read_audio(path)[0]) / SAMPLE_RATE
 
 
 def save_wav(path: str | Path, waveform: NDArray[np.floating]) -> None:
@@ -108,69 +149,65 @@ def _check_is_file(path: Path) -> None:
         raise InputFileError(path, "the file is empty (0 bytes)", hint="copy or export it again")
 
 
-def _unknown_format(path: Path, error: Exception) -> InputFileError:
-    with path.open("rb") as file:
-        head = file.read(12)
-    is_container = (
-        head[4:8] == b"ftyp"  # MP4 family
-        or head[:4] == b"\x1a\x45\xdf\xa3"  # Matroska and WebM
-        or path.suffix.lower() in _CONTAINER_SUFFIXES
-    )
-    reason = (
-        f"this container ({path.suffix or 'MP4 or Matroska'}) is not read directly"
-        if is_container
-        else f"can't be read as audio ({str(error).rstrip('.')})"
-    )
-    source, target = shlex.quote(str(path)), shlex.quote(str(path.with_suffix(".wav")))
-    command = f"ffmpeg -i {source} -ac 1 -ar {SAMPLE_RATE} {target}"
-    return InputFileError(path, reason, hint=f"convert it to {READABLE}, e.g. {command}")
+def _read(
+    path: Path, longest_s: float, max_duration_s: float, channel: int | None
+) -> tuple[NDArray[np.float32], NDArray[np.float64], list[str]]:
+    """One channel, or the mean of all; and the mean power of each and, last, of their mean."""
+    waveform, filled, frames = np.empty(0, np.float32), 0, 0
 
+    def append(samples: NDArray[np.float32]) -> None:
+        nonlocal filled
+        needed = filled + len(samples)
+        if needed > len(waveform):
+            # In place: parts and their concatenation would take the memory twice.
+            grown = max(needed, min(2 * len(waveform), len(waveform) + _GROWTH))
+            waveform.resize(grown, refcheck=False)
+        waveform[filled:needed] = samples
+        filled = needed
 
-def _read_blocks(
-    path: Path, file: soundfile.SoundFile, max_duration_s: float
-) -> NDArray[np.float32]:
-    rate = file.samplerate
-    if rate not in _RATES_HZ:
-        raise InputFileError(
-            path,
-            f"claims a sample rate of {rate} Hz",
-            hint=f"expected {_RATES_HZ.start} to {_RATES_HZ[-1]} Hz; export it again at 16000 Hz",
-        )
-    # SoXR's stream passes audio through untouched when the two rates are equal.
-    resampler = soxr.ResampleStream(rate, SAMPLE_RATE, 1, dtype="float32")
-    block_frames = max(1, _BLOCK_VALUES // file.channels)
-    parts: list[NDArray[np.float32]] = []
-    frames_read = 0
-    while True:
-        try:
-            block = file.read(block_frames, dtype="float32", always_2d=True)
-        except soundfile.SoundFileError as error:
+    with open_sound(path) as stream:
+        rate, power = stream.rate, np.zeros(stream.channels + 1)
+        if rate not in _RATES_HZ:
             raise InputFileError(
                 path,
-                f"is damaged ({error})",
-                place=f"at {frames_read / rate:.1f} s",
-                hint="copy or download it again",
-            ) from error
-        _check_values(path, block, frames_read / rate, rate)
-        frames_read += len(block)
-        if frames_read > max_duration_s * rate:
-            raise InputFileError(
-                path,
-                f"is longer than {max_duration_s / 3600:g} h",
-                hint="cut it into parts and load them one by one",
+                f"claims a sample rate of {rate} Hz",
+                hint=f"expected {_RATES_HZ.start} to {_RATES_HZ[-1]} Hz; export it at 16000 Hz",
             )
-        is_last = len(block) < block_frames
-        parts.append(resampler.resample_chunk(block.mean(axis=1), last=is_last))
-        if is_last:
-            break
-    if 0 < frames_read < file.frames:
-        _log.warning(
-            "%s ends after %.1f s although its header promises %.1f s",
-            path,
-            frames_read / rate,
-            file.frames / rate,
+        # SoXR's stream passes audio through untouched when the two rates are equal.
+        resampler = soxr.ResampleStream(rate, SAMPLE_RATE, 1, dtype="float32")
+        for block in stream.blocks:
+            _check_values(path, block, frames / rate, rate)
+            frames += len(block)
+            if frames > longest_s * rate:
+                raise _too_long(path, longest_s, max_duration_s)
+            mix = block.mean(axis=1)
+            power[:-1] += np.einsum("tc,tc->c", block, block, dtype=np.float64)
+            power[-1] += np.einsum("t,t->", mix, mix, dtype=np.float64)
+            append(resampler.resample_chunk(mix if channel is None else block[:, channel].copy()))
+        append(resampler.resample_chunk(np.zeros(0, np.float32), last=True))
+    waveform.resize(filled, refcheck=False)
+    oddities = []
+    if stream.promised is not None and 0 < frames < stream.promised:
+        oddities.append(
+            f"ends after {frames / rate:.1f} s although its header promises"
+            f" {stream.promised / rate:.1f} s"
         )
-    return np.concatenate(parts)
+    return waveform, power / max(1, frames), oddities
+
+
+def _too_long(path: Path, longest_s: float, max_duration_s: float) -> InputFileError:
+    if longest_s < max_duration_s:
+        return InputFileError(
+            path,
+            f"claims over {longest_s:.0f} s of sound in {path.stat().st_size} bytes, as no"
+            " recording does",
+            hint="export it again from the original",
+        )
+    return InputFileError(
+        path,
+        f"is longer than {max_duration_s / 3600:g} h",
+        hint="cut it into parts and load them one by one",
+    )
 
 
 def _check_values(path: Path, block: NDArray[np.float32], start_s: float, rate: int) -> None:

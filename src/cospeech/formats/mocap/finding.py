@@ -12,11 +12,12 @@ from typing import Literal, TypeAlias, get_args
 
 from cospeech.corpus.source import existing_folder
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.foreign import linear_pattern
 from cospeech.formats.mocap.takes import Take
+from cospeech.speech.audio_streams import AUDIO_SUFFIXES, DIRECT_SUFFIXES, VIDEO_SUFFIXES
 
-AUDIO_SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")
 TRANSCRIPT_SUFFIXES = (".textgrid", ".json", ".tsv", ".ctm", ".srt", ".vtt", ".txt")
-"""Both in order of preference, when a take has several."""
+"""In order of preference, when a take has several; the next is tried where one can't be used."""
 PHASE_SUFFIXES = (".anvil", ".eaf", ".phases.csv")
 MAX_FILES = 1_000_000
 
@@ -30,6 +31,7 @@ _ROLE = re.compile(
     re.IGNORECASE,
 )
 _Key: TypeAlias = tuple[tuple[str, ...], str]
+_Kinds: TypeAlias = dict[str, list[Path]]
 
 
 def find_takes(
@@ -45,11 +47,11 @@ def find_takes(
         root: The folder, searched with all its subfolders; hidden files and folders are left out.
         speaker: Where a take's speaker is named. ``"folder"``: the nearest folder above the file
             that isn't one of the ``Audio``/``Motion`` kind, at last ``root`` itself. ``"prefix"``:
-            the file name up to its first ``_`` or ``-``. Else a regular expression with a group,
+            the file name up to its first ``_`` or ``-``. Else a `linear_pattern` with a group,
             searched in the path below ``root``: ``"^(\w+)/"``, ``"_(?P<speaker>[a-z]+)_"``.
         missing_audio: What becomes of motion without audio. ``"skip"``: it has a ``problem``.
             ``"silence"``: it is read with silence of its length. ``"auto"``: silence in a folder
-            without any audio, else skip.
+            without any file that may hold sound, read or not, else skip.
         transcripts: Suffixes of transcripts, the preferred first.
 
     Returns:
@@ -67,7 +69,7 @@ def find_takes(
     _join_lone_stems(found)
     stems = Counter(stem for (_, stem), kinds in found.items() if _is_take(kinds))
     takes, ids = [], Counter[str]()
-    audio_names = sorted({kinds["audio"].name for kinds in found.values() if "audio" in kinds})
+    audio_names = sorted({path.name for kinds in found.values() for path in kinds.get("audio", ())})
     if missing_audio == "auto":
         missing_audio = "skip" if audio_names else "silence"
         if not audio_names:
@@ -75,30 +77,37 @@ def find_takes(
     for (folders, stem), kinds in sorted(found.items()):
         if not _is_take(kinds):
             continue
-        path = kinds.get("motion") or kinds["audio"]
+        path = (kinds.get("motion") or kinds["audio"])[0]
         name = path.stem if stems[stem] == 1 else "-".join((*folders, path.stem))
         name = re.sub(r"[^\w.-]|[^\x00-\x7f]", "_", name)
         ids[name.lower()] += 1
         if ids[name.lower()] > 1:
             name = f"{name}-{ids[name.lower()]}"
         who = speaker_of(path)
-        problem = _missing(kinds, path.stem, audio_names, missing_audio)
+        no_audio = _no_audio(path, audio_names) if "audio" not in kinds else ""
+        problem = no_audio if no_audio and missing_audio == "skip" else None
+        if "motion" not in kinds:
+            problem = f"no {path.stem}.bvh for {path.name}"
         if who is None:
             problem = f"the speaker pattern {speaker!r} does not occur in {path.relative_to(root)}"
+        first = {kind: paths[0] for kind, paths in kinds.items()}
         takes.append(
             Take(
                 name,
                 who or "",
-                kinds.get("motion"),
-                kinds.get("audio"),
-                kinds.get("transcript"),
+                first.get("motion"),
+                first.get("audio"),
+                first.get("transcript"),
                 problem,
-                phases=kinds.get("phases"),
+                phases=first.get("phases"),
+                other_transcripts=tuple(kinds.get("transcript", ())[1:]),
+                other_phases=tuple(kinds.get("phases", ())[1:]),
+                no_audio=no_audio,
             )
         )
     if not takes:
         raise CospeechError(
-            f"no take below {root}: it has no .bvh and no {', '.join(AUDIO_SUFFIXES)} file",
+            f"no take below {root}: it has no .bvh and no {', '.join(DIRECT_SUFFIXES)} file",
             hint="point data.root at the folder of the BVH and audio files, or of their folders",
         )
     return sorted(takes, key=lambda take: take.id)
@@ -118,7 +127,11 @@ def _walk(root: Path) -> list[tuple[Path, tuple[str, ...]]]:
     """Files, none hidden, in a fixed order, each with its folders below the root."""
     existing_folder(root)
     found: list[tuple[Path, tuple[str, ...]]] = []
-    for folder, folders, names in os.walk(root):
+
+    def unreadable(error: OSError) -> None:
+        _log.warning("%s can't be looked into (%s)", error.filename, error.strerror)
+
+    for folder, folders, names in os.walk(root, onerror=unreadable):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         parts = Path(folder).relative_to(root).parts
         found += [(Path(folder, name), parts) for name in sorted(names) if not name.startswith(".")]
@@ -129,23 +142,22 @@ def _walk(root: Path) -> list[tuple[Path, tuple[str, ...]]]:
     return found
 
 
-def _files_by_key(root: Path, transcripts: Sequence[str]) -> dict[_Key, dict[str, Path]]:
-    """Paths by kind, for each stem in each folder that isn't one of the ``Audio`` kind."""
+def _files_by_key(root: Path, transcripts: Sequence[str]) -> dict[_Key, _Kinds]:
+    """Paths by kind, the preferred first, for each stem in each folder that is a speaker's."""
     kinds_of = {".bvh": "motion"} | dict.fromkeys(AUDIO_SUFFIXES, "audio")
     kinds_of |= dict.fromkeys(transcripts, "transcript") | dict.fromkeys(PHASE_SUFFIXES, "phases")
     preference = {suffix: i for i, suffix in enumerate(kinds_of)}
-    best: dict[_Key, dict[str, Path]] = defaultdict(dict)
+    found: dict[_Key, _Kinds] = defaultdict(dict)
     for path, parts in _walk(root):
         suffix = _suffix(path)
         if suffix not in kinds_of:
             continue
         where = tuple(part.lower() for part in parts if not _ROLE.fullmatch(part))
         stem = path.name[: -len(suffix)].lower()
-        kinds, kind = best[where, stem], kinds_of[suffix]
-        old = kinds.get(kind)
-        if old is None or preference[suffix] < preference[_suffix(old)]:
-            kinds[kind] = path
-    return best
+        paths = found[where, stem].setdefault(kinds_of[suffix], [])
+        paths.append(path)
+        paths.sort(key=lambda path: preference[_suffix(path)])
+    return found
 
 
 def _suffix(path: Path) -> str:
@@ -153,7 +165,7 @@ def _suffix(path: Path) -> str:
     return next((suffix for suffix in PHASE_SUFFIXES if name.endswith(suffix)), path.suffix.lower())
 
 
-def _join_lone_stems(found: dict[_Key, dict[str, Path]]) -> None:
+def _join_lone_stems(found: dict[_Key, _Kinds]) -> None:
     """Bring together files of one stem that lie in unrelated folders, where that is unambiguous."""
     by_stem: dict[str, list[_Key]] = defaultdict(list)
     for key in found:
@@ -166,20 +178,17 @@ def _join_lone_stems(found: dict[_Key, dict[str, Path]]) -> None:
                 found[wanting[0]][kind] = found[having[0]].pop(kind)
 
 
-def _is_take(kinds: dict[str, Path]) -> bool:
-    return "motion" in kinds or "audio" in kinds
+def _is_take(kinds: _Kinds) -> bool:
+    """Whether there is motion, or a sound file that wants one; a video alone is a picture of it."""
+    if "motion" in kinds:
+        return True
+    return any(path.suffix.lower() not in VIDEO_SUFFIXES for path in kinds.get("audio", ()))
 
 
-def _missing(
-    kinds: dict[str, Path], stem: str, audio_names: list[str], missing_audio: MissingAudio
-) -> str | None:
-    if "motion" not in kinds:
-        return f"no {stem}.bvh for {kinds['audio'].name}"
-    if "audio" not in kinds and missing_audio == "skip":
-        there = ", ".join(audio_names[:3]) + (" ..." if len(audio_names) > 3 else "")
-        suffixes = "/".join(AUDIO_SUFFIXES)
-        return f"no {stem}{suffixes} for {kinds['motion'].name}; audio found: {there or 'none'}"
-    return None
+def _no_audio(motion: Path, audio_names: list[str]) -> str:
+    there = ", ".join(audio_names[:3]) + (" ..." if len(audio_names) > 3 else "")
+    suffixes = "/".join(DIRECT_SUFFIXES)
+    return f"no {motion.stem}{suffixes} for {motion.name}; audio found: {there or 'none'}"
 
 
 def _speaker_rule(rule: str, root: Path) -> Callable[[Path], str | None]:
@@ -192,12 +201,12 @@ def _speaker_rule(rule: str, root: Path) -> Callable[[Path], str | None]:
     if rule == "prefix":
         return lambda path: re.split(r"[_-]", path.stem, maxsplit=1)[0]
     try:
-        pattern = re.compile(rule)
-    except re.error as error:
-        raise CospeechError(f"speaker pattern {rule!r}: {error}") from error
+        pattern = linear_pattern(rule)
+    except CospeechError as error:
+        raise ConfigError(f"data.speaker: {error.problem}", error.hint) from error
     if not pattern.groups:
         raise CospeechError(
-            f"speaker={rule!r} is neither 'folder' nor 'prefix' nor a pattern with a group",
+            f"data.speaker={rule!r} is neither 'folder' nor 'prefix' nor a pattern with a group",
             hint=r"for names such as 2_scott_0_1_1.bvh give '^\d+_([a-z]+)_'",
         )
     group: str | int = "speaker" if "speaker" in pattern.groupindex else 1

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import functools
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.corpus.recording import Recording
+from cospeech.corpus.recording import Recording, Remark
 from cospeech.corpus.source import Dropped, Source
 from cospeech.errors import CospeechError, InputFileError
+from cospeech.foreign import understood
 from cospeech.formats.mocap.takes import Take, Voice
 from cospeech.formats.phase_files import read_phases
 from cospeech.motion.bvh import UpAxis, read_bvh, read_bvh_skeleton
@@ -22,7 +23,7 @@ from cospeech.motion.joint_map import JointMap, find_joint_map
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import frame_phases
 from cospeech.motion.upper_body import doubts_about, to_upper_body
-from cospeech.speech.audio import load_audio
+from cospeech.speech.audio import read_audio
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 from cospeech.speech.transcript import read_transcript_with_timing
 
@@ -30,6 +31,10 @@ TOLERATED_S = 1.0
 TOLERATED_SHARE = 0.2
 PLAUSIBLE_FPS = (5.0, 250.0)
 """Rates that motion capture is kept at; others mean that a file is cut off."""
+
+LOOK_CLOSER = "python -m cospeech.corpus doctor FOLDER looks closer"
+
+T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
@@ -42,6 +47,8 @@ def take_sources(
     up_axis: UpAxis = "y",
     joint_map: JointMap | None = None,
     licence: str = "",
+    phase_tier: str | None = None,
+    phase_labels: Mapping[str, str] | None = None,
 ) -> list[Source]:
     """A source per take, in the order of the takes.
 
@@ -52,45 +59,28 @@ def take_sources(
         up_axis: The vertical of the BVH files.
         joint_map: Where the evaluation joints are.
         licence: Licence of takes that have none of their own.
+        phase_tier: Tier or track of the gesture phases in annotation files.
+        phase_labels: What the annotations' own labels mean: text -> phase.
     """
+    settings: dict[str, Any] = {
+        "frame_rate": frame_rate,
+        "unit_scale": unit_scale,
+        "up_axis": up_axis,
+        "joint_map": joint_map,
+        "licence": licence,
+        "phase_tier": phase_tier,
+        "phase_labels": phase_labels,
+    }
     return [
-        Source(
-            take.id,
-            functools.partial(
-                _read_source,
-                take,
-                frame_rate=frame_rate,
-                unit_scale=unit_scale,
-                up_axis=up_axis,
-                joint_map=joint_map,
-                licence=licence,
-            ),
-            take.files,
-        )
+        Source(take.id, functools.partial(_read_source, take, **settings), take.files)
         for take in takes
     ]
 
 
-def _read_source(
-    take: Take,
-    frame_rate: float | None,
-    unit_scale: float | None,
-    up_axis: UpAxis,
-    joint_map: JointMap | None,
-    licence: str,
-) -> list[Recording | Dropped]:
+def _read_source(take: Take, **settings: Any) -> list[Recording | Dropped]:
     if take.left_out is not None:
         return [Dropped(take.id, take.problem or take.left_out, take.left_out)]
-    return [
-        read_take(
-            take,
-            frame_rate=frame_rate,
-            unit_scale=unit_scale,
-            up_axis=up_axis,
-            joint_map=joint_map,
-            licence=licence,
-        )
-    ]
+    return [read_take(take, **settings)]
 
 
 def read_take(
@@ -101,14 +91,17 @@ def read_take(
     up_axis: UpAxis = "y",
     joint_map: JointMap | None = None,
     licence: str = "",
+    phase_tier: str | None = None,
+    phase_labels: Mapping[str, str] | None = None,
 ) -> Recording:
     """Read a take's audio, motion and words, and bring them to one clock and one length.
 
     Motion and audio start where the take's excerpt says; the longer is cut to the shorter. A
     difference over one second and whatever looks wrong about the body (`doubts_about`) is noted in
-    ``annotations["warnings"]`` and logged; what the take's finder warned of (`Take.warnings`) is
-    noted with it. Without an audio file the speech is silence as long as the motion, and
-    ``annotations["silent"]`` is true.
+    ``remarks`` (and ``annotations["warnings"]``) and logged; what the take's finder warned of
+    (`Take.warnings`) is noted with it. A transcript, an annotation or the other speaker that can't
+    be used costs itself, with a remark, never the take. Without an audio file the speech is silence
+    as long as the motion, and ``annotations["silent"]`` is true.
 
     Args:
         take: From `find_takes` or a corpus's own finder.
@@ -117,14 +110,17 @@ def read_take(
         up_axis: The vertical of the BVH file (`cospeech.motion.bvh.read_bvh`).
         joint_map: Found by the skeleton's joints when None.
         licence: Licence of the data, where the take has none of its own.
+        phase_tier: Tier or track of the gesture phases in annotation files (`read_phases`).
+        phase_labels: What the annotations' own labels mean: text -> phase.
 
     Returns:
         Full-skeleton motion at its own rate; the skeleton carries the joint map and its name.
 
     Raises:
         CospeechError: The take has a ``problem``.
-        InputFileError: A file is broken, the skeleton has no joint map, an excerpt starts after the
-            end of its file, or audio and motion differ by more than a fifth of the longer.
+        InputFileError: Motion or audio is broken, the skeleton has no joint map, an excerpt starts
+            after the end of its file, or audio and motion differ by more than a fifth of the
+            longer.
     """
     if take.motion is None or take.problem is not None:
         hint = None
@@ -133,42 +129,52 @@ def read_take(
                 "data.missing_audio=silence reads motion without audio, with silence in its place"
             )
         raise CospeechError(f"take {take.id} can't be read: {take.problem or 'no motion'}", hint)
-    warnings = list(take.warnings)
+    remarks = list(take.warnings)
     motion, first_frame, whole_frames, joint_map = _motion(
-        take, take.motion, frame_rate, unit_scale, up_axis, joint_map, warnings
+        take, take.motion, frame_rate, unit_scale, up_axis, joint_map, remarks
     )
     if take.published_rate is not None and abs(motion.fps - take.published_rate) > 0.01:
-        warnings.append(
+        text = (
             f"{take.motion.name} is at {motion.fps:g} fps, the corpus was published at"
             f" {take.published_rate:g}: a derived copy?"
         )
+        advice = f"data.frame_rate={take.published_rate:g} where the headers are wrong"
+        remarks.append(Remark("not at the published rate", text, advice))
     annotations: dict[str, Any] = dict(take.annotations) | {"joint_map": joint_map.name}
     if take.audio is None:
         waveform = np.zeros(round(motion.duration * SAMPLE_RATE), np.float32)
         annotations["silent"] = True
-        warnings.append(f"no audio for {take.motion.name}: silence as long as the motion")
+        text = (
+            f"{take.no_audio or f'no audio for {take.motion.name}'}: silence as long as the motion"
+        )
+        remarks.append(Remark("silence in the place of sound", text, "data.missing_audio=skip"))
     else:
-        waveform = _audio(take, take.audio)
+        waveform = _audio(take, take.audio, remarks)
     audio_s = len(waveform) / SAMPLE_RATE
-    warnings += _length_warnings(take.motion, motion, audio_s)
+    remarks += _length_remarks(take.motion, motion, audio_s)
     words = None
-    if take.transcript is not None:
-        words, timing = _words(take, take.transcript, audio_s, warnings)
-        annotations["word_timing"] = timing
+    read_words = functools.partial(_words, take, audio_s=audio_s, remarks=remarks)
+    spoken = _first_usable(take.transcripts, "a transcript", read_words, remarks)
+    if spoken is not None:
+        words, annotations["word_timing"] = spoken
     shared_s = min(audio_s, motion.duration)
     motion = motion.slice(0, max(1, round(shared_s * motion.fps)))
-    warnings += doubts_about(to_upper_body(motion, joint_map))
+    doubts = doubts_about(to_upper_body(motion, joint_map))
+    remarks += [Remark("a body that looks wrong", text, LOOK_CLOSER) for text in doubts]
+    read_segments = functools.partial(read_phases, tier=phase_tier, labels=phase_labels)
+    segments = _first_usable(take.phase_files, "gesture phases", read_segments, remarks)
     phases = None
-    if take.phases is not None:
-        labels = frame_phases(read_phases(take.phases), whole_frames, motion.fps)
+    if segments is not None:
+        labels = frame_phases(segments, whole_frames, motion.fps)
         phases = labels[first_frame : first_frame + len(motion)]
     interlocutor = None
-    if take.interlocutor is not None:
-        interlocutor = _interlocutor(take, take.interlocutor, shared_s, warnings)
-    for warning in warnings[len(take.warnings) :]:
-        _log.warning("take %s: %s", take.id, warning)
-    if warnings:
-        annotations["warnings"] = warnings
+    if (voice := take.interlocutor) is not None:
+        listen = functools.partial(_interlocutor, take, voice, shared_s=shared_s, remarks=remarks)
+        interlocutor = _first_usable((voice.audio,), "the other speaker's sound", listen, remarks)
+    for remark in remarks[len(take.warnings) :]:
+        _log.warning("take %s: %s", take.id, remark.text)
+    if remarks:
+        annotations["warnings"] = [remark.text for remark in remarks]
     paths = (take.motion, take.audio, take.transcript, take.phases)
     return Recording(
         id=take.id,
@@ -181,7 +187,22 @@ def read_take(
         source=" + ".join(path.name for path in paths if path is not None),
         licence=take.licence or licence,
         interlocutor=interlocutor,
+        remarks=tuple(remarks),
     )
+
+
+def _first_usable(
+    paths: Iterable[Path], what: str, read: Callable[[Path], T], remarks: list[Remark]
+) -> T | None:
+    """What the first side file holds that can be used; the others are remarked on."""
+    for path in paths:
+        try:
+            with understood(path, what):
+                return read(path)
+        except CospeechError as error:
+            text = f"not used as {what}: {error.problem}"
+            remarks.append(Remark(f"without {what}", text, error.hint or "", path))
+    return None
 
 
 def _motion(
@@ -191,7 +212,7 @@ def _motion(
     unit_scale: float | None,
     up_axis: UpAxis,
     joint_map: JointMap | None,
-    warnings: list[str],
+    remarks: list[Remark],
 ) -> tuple[Motion, int, int, JointMap]:
     """The excerpt's motion, its first frame in the file, the file's frames, and the joint map."""
     if joint_map is None:
@@ -201,13 +222,15 @@ def _motion(
             raise
         except CospeechError as error:
             raise InputFileError(path, error.problem, hint=error.hint) from error
+    warned: list[str] = []
     whole = read_bvh(
         path,
         frame_rate=frame_rate,
         unit_scale=joint_map.unit_scale if unit_scale is None else unit_scale,
         up_axis=up_axis,
-        warn=warnings.append,
+        warn=warned.append,
     )
+    remarks += [Remark("odd motion file", text, "export it again") for text in warned]
     start, duration = take.excerpt.motion_start, take.excerpt.duration
     first = round(start * whole.fps)
     stop = len(whole) if duration is None else round((start + duration) * whole.fps)
@@ -218,9 +241,13 @@ def _motion(
     return replace(motion, skeleton=skeleton), first, len(whole), joint_map
 
 
-def _audio(take: Take, path: Path) -> NDArray[np.float32]:
+def _audio(take: Take, path: Path, remarks: list[Remark]) -> NDArray[np.float32]:
     """The excerpt's waveform."""
-    whole = load_audio(path)
+    whole, oddities = read_audio(path)
+    remarks += [
+        Remark("odd audio file", f"{path.name} {oddity}", "export it again from the original")
+        for oddity in oddities
+    ]
     start, duration = take.excerpt.audio_start, take.excerpt.duration
     first = round(start * SAMPLE_RATE)
     if not 0 <= first < len(whole):
@@ -241,16 +268,20 @@ def _beyond_the_end(take: Take, path: Path, start_s: float, length_s: float) -> 
 
 
 def _words(
-    take: Take, path: Path, audio_s: float, warnings: list[str]
+    take: Take, path: Path, *, audio_s: float, remarks: list[Remark]
 ) -> tuple[tuple[Word, ...], str]:
     """Words on the excerpt's clock, and how their times are known."""
     start = take.excerpt.audio_start
     if path.stat().st_size < 64 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf"):
-        warnings.append(f"{path.name} is empty: nobody speaks in this take")
+        text = f"{path.name} is empty: nobody speaks in this take"
+        remarks.append(Remark("empty transcript", text, "take the file away if it is not so"))
         return (), "words"
     is_excerpt = take.excerpt.duration is not None
     transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
-    warnings += [f"{path.name}: {note}" for note in transcript.notes]
+    remarks += [
+        Remark("words moved or dropped", f"{path.name}: {note}", LOOK_CLOSER)
+        for note in transcript.notes
+    ]
     words = list(transcript.words)
     if start > 0:
         words = [
@@ -261,23 +292,29 @@ def _words(
     return tuple(words), transcript.timing
 
 
-def _interlocutor(take: Take, voice: Voice, shared_s: float, warnings: list[str]) -> Speech:
+def _interlocutor(
+    take: Take, voice: Voice, audio: Path, *, shared_s: float, remarks: list[Remark]
+) -> Speech:
     """The other speaker, cut or filled with silence to the take's length."""
-    waveform = _audio(take, voice.audio)
+    waveform = _audio(take, audio, remarks)
     samples = round(shared_s * SAMPLE_RATE)
     if abs(len(waveform) / SAMPLE_RATE - shared_s) > TOLERATED_S:
-        warnings.append(
-            f"the other speaker's {voice.audio.name} lasts {len(waveform) / SAMPLE_RATE:.2f} s,"
+        text = (
+            f"the other speaker's {audio.name} lasts {len(waveform) / SAMPLE_RATE:.2f} s,"
             f" the take {shared_s:.2f} s; it was cut or filled with silence"
         )
-    words = None
-    if voice.transcript is not None:
-        words, _ = _words(take, voice.transcript, len(waveform) / SAMPLE_RATE, warnings)
+        remarks.append(Remark("another length of the other speaker", text, LOOK_CLOSER))
+    read_words = functools.partial(
+        _words, take, audio_s=len(waveform) / SAMPLE_RATE, remarks=remarks
+    )
+    what = "the other speaker's transcript"
+    spoken = _first_usable(voice.transcripts, what, read_words, remarks)
+    words = None if spoken is None else spoken[0]
     waveform = np.pad(waveform[:samples], (0, max(0, samples - len(waveform))))
     return Speech(waveform, _words_until(words, shared_s))
 
 
-def _length_warnings(path: Path, motion: Motion, audio_s: float) -> list[str]:
+def _length_remarks(path: Path, motion: Motion, audio_s: float) -> list[Remark]:
     difference = abs(motion.duration - audio_s)
     lengths = f"the motion lasts {motion.duration:.2f} s, the audio {audio_s:.2f} s"
     if difference > TOLERATED_SHARE * max(motion.duration, audio_s):
@@ -289,7 +326,11 @@ def _length_warnings(path: Path, motion: Motion, audio_s: float) -> list[str]:
                 f" {motion.fps:g}: set data.frame_rate"
             )
         raise InputFileError(path, f"{lengths}: they can't be the same take", hint=hint)
-    return [f"{lengths}; the longer was cut"] if difference > TOLERATED_S else []
+    if difference <= TOLERATED_S:
+        return []
+    return [
+        Remark("audio and motion of unequal length", f"{lengths}; the longer was cut", LOOK_CLOSER)
+    ]
 
 
 def _words_until(words: Iterable[Word] | None, end_s: float) -> tuple[Word, ...] | None:

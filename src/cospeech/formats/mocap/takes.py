@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cospeech.corpus.recording import Remark
 from cospeech.errors import CospeechError
 
 
@@ -18,10 +19,17 @@ class Voice:
     Attributes:
         audio: The sound file, on the clock of the take's own audio.
         transcript: Its words; None when there are none.
+        other_transcripts: Tried in this order where that can't be used.
     """
 
     audio: Path
     transcript: Path | None = None
+    other_transcripts: tuple[Path, ...] = ()
+
+    @property
+    def transcripts(self) -> tuple[Path, ...]:
+        """All transcripts, the preferred first."""
+        return _all(self.transcript, self.other_transcripts)
 
 
 @dataclass(frozen=True)
@@ -59,10 +67,13 @@ class Take:
         published_rate: Frames per second that the corpus was published at; a file at another rate
             is read all the same, with a warning.
         annotations: What is known about the take, as JSON values.
-        warnings: What its user should know, one sentence each.
+        warnings: What its user should know.
         licence: Licence of the corpus.
         tables: Files that say something about the take (splits, offsets, speakers), so that a
             change of theirs makes another corpus.
+        other_transcripts: Tried in this order where ``transcript`` can't be used.
+        other_phases: Tried in this order where ``phases`` can't be used.
+        no_audio: That there is no sound file, and what was looked for; empty where there is one.
     """
 
     id: str
@@ -78,9 +89,12 @@ class Take:
     excerpt: Excerpt = Excerpt()
     published_rate: float | None = None
     annotations: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Remark, ...] = ()
     licence: str = ""
     tables: tuple[Path, ...] = ()
+    other_transcripts: tuple[Path, ...] = ()
+    other_phases: tuple[Path, ...] = ()
+    no_audio: str = ""
 
     @property
     def path(self) -> Path:
@@ -91,12 +105,27 @@ class Take:
         return path
 
     @property
+    def transcripts(self) -> tuple[Path, ...]:
+        """All transcripts, the preferred first."""
+        return _all(self.transcript, self.other_transcripts)
+
+    @property
+    def phase_files(self) -> tuple[Path, ...]:
+        """All gesture-phase annotations, the preferred first."""
+        return _all(self.phases, self.other_phases)
+
+    @property
     def files(self) -> tuple[Path, ...]:
-        """Every file that reading the take opens, and the tables it was found by."""
+        """Every file that reading the take may open, and the tables it was found by."""
         other = self.interlocutor
-        paths = [self.motion, self.audio, self.transcript, self.phases]
-        paths += [] if other is None else [other.audio, other.transcript]
-        return (*(path for path in paths if path is not None), *self.tables)
+        paths = [path for path in (self.motion, self.audio) if path is not None]
+        paths += [*self.transcripts, *self.phase_files]
+        paths += [] if other is None else [other.audio, *other.transcripts]
+        return (*paths, *self.tables)
+
+
+def _all(first: Path | None, others: tuple[Path, ...]) -> tuple[Path, ...]:
+    return () if first is None else (first, *others)
 
 
 def checked_ids(takes: Iterable[Take]) -> list[Take]:

@@ -8,7 +8,8 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from cospeech.errors import InputFileError
-from cospeech.formats.phase_files.tiers import MAX_ENTRIES, read_bytes
+from cospeech.foreign import read_bytes
+from cospeech.formats.phase_files.tiers import MAX_BYTES, MAX_ENTRIES
 
 MAX_DEPTH = 64
 
@@ -27,7 +28,7 @@ def read_xml(path: Path, root_tag: str) -> Element:
         InputFileError: It can't be read, isn't well-formed, declares entities, is too large or has
             another root element.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, "an annotation file", MAX_BYTES)
     builder = TreeBuilder()
     parser = expat.ParserCreate()
     parser.buffer_text = True

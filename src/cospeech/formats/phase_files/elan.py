@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import defaultdict
 from collections.abc import Sequence
 from itertools import chain, pairwise
@@ -14,6 +15,8 @@ from cospeech.errors import InputFileError
 from cospeech.formats.phase_files.bounded_xml import read_xml
 from cospeech.formats.phase_files.tiers import Entry, Tier, read_time
 
+_log = logging.getLogger(__name__)
+
 _Times = dict[str, tuple[float, float]]
 _ALIGNED, _REFERRING = "ANNOTATION/ALIGNABLE_ANNOTATION", "ANNOTATION/REF_ANNOTATION"
 
@@ -21,23 +24,29 @@ _ALIGNED, _REFERRING = "ANNOTATION/ALIGNABLE_ANNOTATION", "ANNOTATION/REF_ANNOTA
 def read_elan(path: Path) -> list[Tier]:
     """One tier per ELAN tier, in the file's order.
 
+    Times are those of the media file: where the annotator moved its start (``TIME_ORIGIN``), that
+    is added. Of several media files the one that is called like the annotation counts.
+
     A time slot without a value (a subdivision that nobody aligned) is placed evenly between its
     neighbours in the tier. Annotations that refer to another have its time; several that refer to
     the same one share it evenly.
 
     Raises:
-        InputFileError: The file is no ELAN file, its time unit is another than milliseconds, or two
-            annotations have one id.
+        InputFileError: The file is no ELAN file, its time unit is another than milliseconds, two
+            annotations have one id, or it can't be told which of several media files has their
+            clock.
     """
     document = read_xml(path, "ANNOTATION_DOCUMENT")
     header = document.find("HEADER")
     unit = "milliseconds" if header is None else header.get("TIME_UNITS", "milliseconds")
     if unit != "milliseconds":
         raise InputFileError(path, f"time unit {unit!r}; only milliseconds are read", "HEADER")
+    origin_s = _time_origin(path, header)
     slots: dict[str, float | None] = {}
     for slot in document.iterfind("TIME_ORDER/TIME_SLOT"):
         name, value = slot.get("TIME_SLOT_ID", ""), slot.get("TIME_VALUE")
-        slots[name] = None if value is None else read_time(path, value, f"time slot {name}") / 1000
+        time_s = None if value is None else read_time(path, value, f"time slot {name}") / 1000
+        slots[name] = None if time_s is None else time_s + origin_s
     names = [
         annotation.get("ANNOTATION_ID") for annotation in document.iterfind("TIER/ANNOTATION/*")
     ]
@@ -50,6 +59,30 @@ def read_elan(path: Path) -> list[Tier]:
         times |= _aligned(tier.findall(_ALIGNED), slots, order)
     _follow_references(tiers, times)
     return [_tier(name, tier, times) for name, tier in tiers]
+
+
+def _time_origin(path: Path, header: Element | None) -> float:
+    """Second of the media file at which the annotation's clock starts."""
+    origins: dict[str, set[float]] = {}
+    for descriptor in [] if header is None else header.findall("MEDIA_DESCRIPTOR"):
+        url = descriptor.get("RELATIVE_MEDIA_URL") or descriptor.get("MEDIA_URL") or ""
+        stem = url.replace("\\", "/").rpartition("/")[2].rpartition(".")[0].lower()
+        origin = read_time(path, descriptor.get("TIME_ORIGIN", "0"), "TIME_ORIGIN") / 1000
+        origins.setdefault(stem, set()).add(origin)
+    known = origins.get(path.stem.lower()) or set().union(*origins.values()) or {0.0}
+    if len(known) > 1:
+        starts = ", ".join(f"{origin:g} s" for origin in sorted(known))
+        raise InputFileError(
+            path,
+            f"its media files start at {starts} (TIME_ORIGIN), and none of them alone is called"
+            f" {path.stem}",
+            "HEADER",
+            "in ELAN, keep the one that has the motion's clock among the linked files",
+        )
+    (origin_s,) = known
+    if origin_s:
+        _log.info("%s: annotations start at %g s of the media file", path, origin_s)
+    return origin_s
 
 
 def _tier(name: str, element: Element, times: _Times) -> Tier:

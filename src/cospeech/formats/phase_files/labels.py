@@ -6,7 +6,7 @@ import re
 import unicodedata
 from collections.abc import Mapping
 
-from cospeech.errors import CospeechError
+from cospeech.errors import ConfigError
 from cospeech.motion.phases import PHASES
 
 _SYNONYMS: dict[str, str] = {
@@ -49,11 +49,12 @@ def phase_meanings(labels: Mapping[str, str] | None = None) -> dict[str, str]:
         labels: A user's own: text in the file -> name in `PHASES`. They go before the known ones.
 
     Raises:
-        CospeechError: A value is not one of the nine phases.
+        ConfigError: A value is not one of the nine phases.
     """
     for text, label in (labels or {}).items():
         if label not in PHASES:
-            raise CospeechError(
-                f"the label {text!r} can't mean {label!r}: the phases are {', '.join(PHASES)}"
+            raise ConfigError(
+                f"the label {text!r} can't mean {label!r}: the phases are {', '.join(PHASES)}",
+                "correct data.phase_labels",
             )
     return _MEANINGS | {plain(text): label for text, label in (labels or {}).items()}

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import understood
 from cospeech.formats.phase_files.anvil import read_anvil
 from cospeech.formats.phase_files.elan import read_elan
+from cospeech.formats.phase_files.hands import are_hands, busier_hand
 from cospeech.formats.phase_files.labels import phase_meanings, plain
 from cospeech.formats.phase_files.table import read_table
 from cospeech.formats.phase_files.tiers import Entry, Tier
@@ -37,7 +40,9 @@ def read_phases(
     Args:
         path: The file.
         tier: The tier (ELAN), or the track or ``track:attribute`` (ANVIL), that holds the phases;
-            None: the one whose every label is a phase.
+            None: the one whose every label is a phase. Where that holds of two, and their names
+            differ by left and right alone, they are one per hand: at any time the phase of the
+            hand that does more counts (`busier_hand`).
         labels: What the file's own labels mean: text -> name in `PHASES`.
 
     Returns:
@@ -54,9 +59,15 @@ def read_phases(
     if read is None:
         raise InputFileError(path, f"not an annotation file; there are {', '.join(_READERS)}")
     meanings = phase_meanings(labels)
-    chosen = _choose(path, read(path), tier, meanings)
+    with understood(path, "an annotation file"):
+        tiers = read(path)
+    hands = [_segments(path, one, meanings) for one in _choose(path, tiers, tier, meanings)]
+    return hands[0] if len(hands) == 1 else busier_hand(hands)
+
+
+def _segments(path: Path, tier: Tier, meanings: Mapping[str, str]) -> list[PhaseSegment]:
     segments = []
-    for entry in _written(chosen):
+    for entry in _written(tier):
         if entry.end_s < entry.start_s:
             raise InputFileError(
                 path,
@@ -66,7 +77,7 @@ def read_phases(
         if entry.end_s > entry.start_s:
             label = meanings[plain(entry.text)]
             segments.append(PhaseSegment(entry.start_s, entry.end_s, label))
-    if left_out := len(chosen.entries) - len(segments):
+    if left_out := len(tier.entries) - len(segments):
         _log.info("%s: %d annotations without label or length", path, left_out)
     return sorted(segments, key=lambda segment: segment.start_s)
 
@@ -77,7 +88,8 @@ def _written(tier: Tier) -> list[Entry]:
 
 def _choose(
     path: Path, tiers: Sequence[Tier], wanted: str | None, meanings: Mapping[str, str]
-) -> Tier:
+) -> list[Tier]:
+    """The tier of the phases, or one per hand."""
     tiers = [tier for tier in tiers if tier.problem or _written(tier)]
     names = ", ".join(repr(tier.name) for tier in tiers)
     if not tiers:
@@ -85,7 +97,11 @@ def _choose(
     if wanted is not None:
         tiers = [tier for tier in tiers if wanted in (tier.name, tier.track)]
         if not tiers:
-            raise InputFileError(path, f"no tier {wanted!r} with annotations; there are {names}")
+            raise InputFileError(
+                path,
+                f"no tier {wanted!r} with annotations; there are {names}",
+                hint="choose one of them (data.phase_tier)",
+            )
     timed = [tier for tier in tiers if not tier.problem]
     if not timed:
         raise InputFileError(path, tiers[0].problem, f"tier {tiers[0].name}")
@@ -94,12 +110,14 @@ def _choose(
         for tier in timed
     }
     fitting = [tier for tier in timed if not unknown[tier.name]]
-    if len(fitting) == 1:
-        return fitting[0]
+    if len(fitting) == 1 or are_hands([tier.name for tier in fitting]):
+        return fitting
     if fitting:
         several = ", ".join(repr(tier.name) for tier in fitting)
         raise InputFileError(
-            path, f"several tiers hold gesture phases: {several}", hint="name one of them as tier"
+            path,
+            f"several tiers hold gesture phases: {several}",
+            hint=f"choose one: {_tier_setting(fitting[0])}",
         )
     if len(timed) == 1:
         first = unknown[timed[0].name][0]
@@ -108,12 +126,26 @@ def _choose(
             f"{first.text!r} is not a gesture phase; known are {', '.join(PHASES)} and what they"
             " are called in the literature",
             first.place,
-            hint=f"say what it means: labels={{{first.text!r}: 'stroke'}}",
+            hint=f"say what it means: {_meaning(first)}",
         )
     examples = "; ".join(f"{tier.name!r} has {unknown[tier.name][0].text!r}" for tier in timed[:8])
     raise InputFileError(
         path,
         f"no tier holds gesture phases alone: {examples}",
-        hint=f"name the tier, and what its labels mean (labels={{text: phase}}); phases are"
-        f" {', '.join(PHASES)}",
+        hint=f"name the tier ({_tier_setting(timed[0])}), and what its labels mean"
+        f" ({_meaning(unknown[timed[0].name][0])}); phases are {', '.join(PHASES)}",
     )
+
+
+def _meaning(entry: Entry) -> str:
+    """How to say what an annotation's label means."""
+    text = plain(entry.text)  # case, accents and marks make no difference, and need no quoting
+    if text.isascii():
+        return f"'data.phase_labels={{{text}: stroke}}'"
+    return f"phase_labels: {{{text}: stroke}} in conf/data/mocap.yaml"
+
+
+def _tier_setting(tier: Tier) -> str:
+    """How to name a tier, as it is typed in a shell."""
+    name = tier.name.replace("\\", "\\\\").replace('"', '\\"')
+    return shlex.quote(f'data.phase_tier="{name}"')

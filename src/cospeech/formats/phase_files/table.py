@@ -6,7 +6,8 @@ import csv
 from pathlib import Path
 
 from cospeech.errors import InputFileError
-from cospeech.formats.phase_files.tiers import MAX_ENTRIES, Entry, Tier, read_bytes, read_time
+from cospeech.foreign import read_bytes
+from cospeech.formats.phase_files.tiers import MAX_BYTES, MAX_ENTRIES, Entry, Tier, read_time
 
 _COLUMNS = {
     "start": ("start", "start_s", "start_time", "begin", "onset"),
@@ -25,7 +26,7 @@ def read_table(path: Path) -> list[Tier]:
         InputFileError: It isn't text, has fewer than three columns, or a time is no number.
     """
     try:
-        lines = read_bytes(path).decode("utf-8-sig").splitlines()
+        lines = read_bytes(path, "an annotation file", MAX_BYTES).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise InputFileError(
             path, f"not UTF-8 text (byte {error.start})", hint="save it as UTF-8"

@@ -52,22 +52,6 @@ class Tier:
         return f"{self.track}:{self.attribute}" if self.attribute else self.track
 
 
-def read_bytes(path: Path) -> bytes:
-    """The whole file, refused when it is longer than any annotation is.
-
-    Raises:
-        InputFileError: It can't be read, or is too long.
-    """
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputFileError(path, f"can't be read ({error.strerror})") from error
-    if len(data) > MAX_BYTES:
-        raise InputFileError(path, f"too long for an annotation file (over {MAX_BYTES} bytes)")
-    return data
-
-
 def read_time(path: Path, text: str | None, place: str) -> float:
     """A number of seconds.
 
