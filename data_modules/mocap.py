@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +50,13 @@ class MocapCorpus(StoreDataModule):
     frame_rate: float | None
     joint_map: str | None
     phase_tier: str | None = None
-    phase_labels: Mapping[str, str] = field(default_factory=dict)
+    phase_labels: Mapping[str, str] | None = None
     split_list: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.phase_labels = {str(text): label for text, label in self.phase_labels.items()}
+        given = self.phase_labels or {}
+        self.phase_labels = {str(text): label for text, label in given.items()}
         phase_meanings(self.phase_labels)
 
     def evaluation_joints(self) -> JointMap | None:
