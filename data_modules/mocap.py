@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ class MocapCorpus(StoreDataModule):
     up_axis: UpAxis = "y"
     joint_map: str | None
     phase_tier: str | None = None
-    phase_labels: Mapping[str, str] = field(default_factory=dict)
+    phase_labels: Mapping[str, str] | None = None
     split_list: str | None = None
 
     def __post_init__(self) -> None:
@@ -70,7 +70,8 @@ class MocapCorpus(StoreDataModule):
         _refuse_number("unit_scale", self.unit_scale, UNIT_SCALES, "metres per unit of the files")
         if self.up_axis not in UP_AXES:
             raise ConfigError(f"data.up_axis={self.up_axis}: choose one of {', '.join(UP_AXES)}")
-        self.phase_labels = {str(text): label for text, label in self.phase_labels.items()}
+        given = self.phase_labels or {}
+        self.phase_labels = {str(text): label for text, label in given.items()}
         phase_meanings(self.phase_labels)
 
     def evaluation_joints(self) -> JointMap | None:

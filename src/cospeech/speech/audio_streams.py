@@ -249,13 +249,15 @@ def _is_container(path: Path) -> bool:
 
 
 def _unknown_format(path: Path, error: Exception) -> InputFileError:
-    reason = (
-        f"this container ({path.suffix or 'MP4 or Matroska'}) is not read directly, and no ffmpeg"
-        " is installed"
-        if _is_container(path)
-        else f"can't be read as audio ({str(error).rstrip('.')})"
+    if not _is_container(path):
+        reason = f"can't be read as audio ({str(error).rstrip('.')})"
+        return InputFileError(path, reason, hint=_conversion(path))
+    kind = path.suffix or "MP4 or Matroska"
+    return InputFileError(
+        path,
+        f"this container ({kind}) is not read directly, and no ffmpeg is installed",
+        hint=f'pip install "cospeech[video]" brings one; or {_conversion(path)}',
     )
-    return InputFileError(path, reason, hint=_conversion(path))
 
 
 def _conversion(path: Path) -> str:
