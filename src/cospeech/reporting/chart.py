@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from cospeech.reporting.markup import escaped
 
 SERIES_COLOURS: tuple[str, ...] = (
     "#3f8efc", "#f0883e", "#3f9d5b", "#d1495b", "#8e6fc1", "#c29a2c", "#2a9d9d", "#d86fa8",
@@ -84,7 +85,7 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
             f"{tick:g}</text>"
         )
     for line, own in zip(lines, finite, strict=True):
-        name = html.escape(line.name)
+        name = escaped(line.name)
         if len(own) == 1:
             x, y = own[0]
             mark = f'<circle cx="{x_at(x):.1f}" cy="{y_at(y):.1f}" r="3" fill="{line.colour}">'
@@ -99,9 +100,9 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     scale = ", logarithmic" if logarithmic else ""
     parts.append(
         f'<text x="{(_LEFT + _WIDTH - _RIGHT) / 2}" y="{_HEIGHT - 5}" text-anchor="middle">'
-        f"{html.escape(x_title)}</text>"
+        f"{escaped(x_title)}</text>"
         f'<text transform="translate(13 {middle}) rotate(-90)" text-anchor="middle">'
-        f"{html.escape(y_title)}{scale}</text></svg>"
+        f"{escaped(y_title)}{scale}</text></svg>"
     )
     return "".join(parts)
 

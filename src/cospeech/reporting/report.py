@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import os
 from collections.abc import Sequence
 from importlib.resources import files
@@ -22,6 +21,7 @@ from cospeech.reporting.collect import (
     result_columns,
 )
 from cospeech.reporting.files import replacing
+from cospeech.reporting.markup import escaped
 from cospeech.reporting.tables import METRICS, MISSING, Column, Summary, format_table, format_value
 
 _MONITOR = "val/fgd"
@@ -68,7 +68,7 @@ def write_report(collection: Collection, path: str | Path) -> Path:
     groups = group_runs(collection.runs)
     name = collection.folder.resolve().name
     body = [
-        f"<h1>{html.escape(name)}</h1>",
+        f"<h1>{escaped(name)}</h1>",
         f'<p class="muted">{_count(len(collection.runs), "run")} in {_count(len(groups), "group")};'
         " ± is the standard deviation over training seeds, the small line the 95 % interval of the"
         " mean (Student's t).</p>",
@@ -80,7 +80,7 @@ def write_report(collection: Collection, path: str | Path) -> Path:
     body += _runs_section(groups, path.parent)
     if collection.damaged:
         items = "".join(
-            f"<li><code>{html.escape(str(file))}</code>: {html.escape(reason)}</li>"
+            f"<li><code>{escaped(str(file))}</code>: {escaped(reason)}</li>"
             for file, reason in collection.damaged
         )
         body.append(f'<h2>Damaged records</h2><section class="bad"><ul>{items}</ul></section>')
@@ -88,7 +88,7 @@ def write_report(collection: Collection, path: str | Path) -> Path:
     page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(name)}: results</title><style>{css}</style></head>\n<body>\n"
+        f"<title>{escaped(name)}: results</title><style>{css}</style></head>\n<body>\n"
         + "\n".join(body)
         + "\n</body></html>\n"
     )
@@ -140,7 +140,7 @@ def _results_section(groups: Sequence[Group], protocol: str) -> list[str]:
                 text = f'<i class="swatch" style="background:{colours[row["label"]]}"></i>{text}'
             cells.append(f"<td{_number_class(column)}>{text}</td>")
         lines.append(f"<tr{' class=reference' if reference else ''}>{''.join(cells)}</tr>")
-    heads = "".join(f"<th{_number_class(c)}>{html.escape(c.heading)}</th>" for c in columns)
+    heads = "".join(f"<th{_number_class(c)}>{escaped(c.heading)}</th>" for c in columns)
     return [
         f"<h2>{_protocol_title(protocol)}</h2>",
         f"<section><table><tr>{heads}</tr>{''.join(lines)}</table></section>",
@@ -152,7 +152,7 @@ def _number_class(column: Column) -> str:
 
 
 def _cell(value: Any) -> str:
-    text = html.escape(format_value(value))
+    text = escaped(format_value(value))
     if isinstance(value, Summary) and value.ci95 is not None:
         low, high = value.ci95
         text += f"<small>{format_value(low)} to {format_value(high)}</small>"
@@ -183,12 +183,12 @@ def _curves_section(groups: Sequence[Group]) -> list[str]:
         if key == _MONITOR:
             parts.append(chart)
         elif chart:
-            parts.append(f"<details><summary>{html.escape(key)}</summary>{chart}</details>")
+            parts.append(f"<details><summary>{escaped(key)}</summary>{chart}</details>")
     if not parts:
         return []
     legend = " ".join(
         f'<span style="margin-right:16px"><i class="swatch" style="background:{colour}"></i>'
-        f"{html.escape(group.label)}</span>"
+        f"{escaped(group.label)}</span>"
         for group, colour in _coloured(groups)
     )
     return ["<h2>Validation, epoch by epoch</h2>", f"<section>{legend}{''.join(parts)}</section>"]
@@ -205,10 +205,10 @@ def _differences_section(groups: Sequence[Group]) -> list[str]:
     table = differences([group.members[0] for group in groups])
     if not table:
         return []
-    heads = "".join(f"<th>{html.escape(group.label)}</th>" for group in groups)
+    heads = "".join(f"<th>{escaped(group.label)}</th>" for group in groups)
     lines = "".join(
-        f"<tr><td><code>{html.escape(key)}</code></td>"
-        + "".join(f"<td>{html.escape(format_value(value))}</td>" for value in values)
+        f"<tr><td><code>{escaped(key)}</code></td>"
+        + "".join(f"<td>{escaped(format_value(value))}</td>" for value in values)
         + "</tr>"
         for key, values in table.items()
     )
@@ -227,17 +227,17 @@ def _runs_section(groups: Sequence[Group], folder: Path) -> list[str]:
     for group in groups:
         for run in group.members:
             note = " (a newer run of this seed counts)" if run in group.superseded else ""
-            error = html.escape(_error(run, ""))
+            error = escaped(_error(run, ""))
             seconds = sum(number(value) or 0.0 for value in run.mapping("timings").values())
             commit = str(run.values.get("commit") or MISSING)[:10]
             changed = ", uncommitted changes" if run.values.get("dirty") else ""
             cells = [
-                f"{html.escape(run.id)}<small>{html.escape(group.label)}{note}</small>",
-                html.escape(run.status) + (f'<small class="bad">{error}</small>' if error else ""),
-                html.escape(format_value(run.seed)),
+                f"{escaped(run.id)}<small>{escaped(group.label)}{note}</small>",
+                escaped(run.status) + (f'<small class="bad">{error}</small>' if error else ""),
+                escaped(format_value(run.seed)),
                 str(len(run.epochs())),
                 f"{seconds / 60:.1f} min" if seconds else MISSING,
-                f"<code>{html.escape(commit)}</code>{changed}",
+                f"<code>{escaped(commit)}</code>{changed}",
                 " ".join(_link(sample, run, folder) for sample in run.samples()) or MISSING,
             ]
             lines.append(f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
@@ -250,7 +250,7 @@ def _runs_section(groups: Sequence[Group], folder: Path) -> list[str]:
 def _link(sample: Path, run: Run, folder: Path) -> str:
     relative = Path(os.path.relpath(sample, folder)).as_posix()
     name = sample.relative_to(run.folder).with_suffix("").name
-    return f'<a href="{quote(relative)}">{html.escape(name)}</a>'
+    return f'<a href="{quote(relative)}">{escaped(name)}</a>'
 
 
 def _error(run: Run, before: str) -> str:
