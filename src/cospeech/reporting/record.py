@@ -104,7 +104,7 @@ def load_record(path: Path, needs: Sequence[str] = ()) -> dict[str, Any]:
     if not problems:
         problems = [f"has no {key!r}" for key in needs if values.get(key) is None]
     if problems:
-        raise InputFileError(path, f"damaged record: {'; '.join(problems)}", hint=hint)
+        raise InputFileError(path, "; ".join(problems), hint=hint)
     return dict(values)
 
 

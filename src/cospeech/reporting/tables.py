@@ -173,9 +173,9 @@ def result_table(record: Mapping[str, Any], style: Literal["text", "markdown"] =
     for protocol in ("windows", "recordings"):
         values = _mapping(final.get(protocol))
         if values:
-            rows.append({"row": f"{record.get('model')} ({protocol})", **_with_interval(values)})
+            rows.append({"row": f"{record.get('model')} ({protocol})", **with_interval(values)})
     for name, values in _mapping(record.get("references")).items():
-        rows.append({"row": str(name).replace("_", " "), **_with_interval(_mapping(values))})
+        rows.append({"row": str(name).replace("_", " "), **with_interval(_mapping(values))})
     columns = [Column("row", " ")]
     for metric in METRICS:
         if any(row.get(metric.key) is not None for row in rows):
@@ -198,7 +198,8 @@ def _mapping(value: Any) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _with_interval(values: Mapping[str, Any]) -> dict[str, Any]:
+def with_interval(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Final metrics or a reference row, with the FGD's interval as one text where it has one."""
     low, high = values.get("fgd_low"), values.get("fgd_high")
     if low is None or high is None:
         return dict(values)
