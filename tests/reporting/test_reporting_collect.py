@@ -11,44 +11,7 @@ from cospeech.reporting.__main__ import main
 from cospeech.reporting.chart import Line, line_chart
 from cospeech.reporting.collect import collect, differences, group_runs
 from cospeech.reporting.report import text_report, write_report
-
-
-def record(folder, seed=0, ablation="full", fgd=2.0, weight=5.0, **changes):
-    name = f"trimodal-synthetic-{ablation}-s{seed}"
-    values = {
-        "schema": 1,
-        "id": name,
-        "status": "ok",
-        "model": "trimodal",
-        "data": "synthetic",
-        "ablation": ablation,
-        "seed": seed,
-        "started": "2026-01-01T00:00:00+00:00",
-        "finished": "2026-01-01T01:00:00+00:00",
-        "config": {
-            "seed": seed,
-            "run_dir": f"outputs/runs/{name}",
-            "choices": {"ablation": ablation},
-            "model": {"loss": {"adversarial": weight}, "width": 8, "seed": seed},
-            "logger": {"csv": {"save_dir": f"outputs/runs/{name}"}},
-            "trainer": {"default_root_dir": f"outputs/runs/{name}/x"},
-        },
-        "commit": "0123456789abcdef",
-        "dirty": False,
-        "versions": {"torch": "2.13"},
-        "data_fingerprint": "corpus-1",
-        "encoder": {"sha256": "encoder-1", "name": "own"},
-        "timings": {"fit": 90.0, "test": 30.0},
-        "epochs": [{"epoch": e, "val/fgd": fgd + 10 - e, "val/joint_mae": 0.1} for e in range(5)],
-        "final": {"split": "test", "windows": {"fgd": fgd}, "recordings": {"fgd": fgd + 1}},
-        "references": {"real_halves": {"fgd": 0.25}, "mean_pose": {"fgd": 9.0}},
-        "samples": [],
-        "error": None,
-    } | changes
-    run = folder / (name + f"-{len(list(folder.iterdir()))}")
-    run.mkdir(parents=True)
-    (run / "record.json").write_text(json.dumps(values))
-    return run
+from tests.reporting.records import record
 
 
 @pytest.fixture
@@ -95,7 +58,9 @@ def test_damaged_and_odd_records_are_listed_not_fatal(study):
     assert len(collection.runs) == 4
     text = text_report(collection)
     assert "sparse/record.json: damaged record, left out (config is a list, not an object" in text
-    assert re.search(r"cut/record\.json: damaged record, left out \(line 1, column 1.*Untermin", text)
+    assert re.search(
+        r"cut/record\.json: damaged record, left out \(line 1, column 1.*Untermin", text
+    )
     page = write_report(collection, study / "report.html").read_text()
     assert "Damaged records" in page
     assert "holds a list, not an object" in page
