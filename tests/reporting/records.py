@@ -1,6 +1,7 @@
 """Run folders with records as `train.py` leaves them."""
 
 import json
+import re
 
 
 def record(folder, seed=0, ablation="full", fgd=2.0, weight=5.0, **changes):
@@ -36,7 +37,8 @@ def record(folder, seed=0, ablation="full", fgd=2.0, weight=5.0, **changes):
         "samples": [],
         "error": None,
     } | changes
-    run = folder / (name + f"-{len(list(folder.iterdir()))}")
+    kept = re.sub(r"[^\w-]", "-", name, flags=re.ASCII)[:100]
+    run = folder / f"{kept}-{len(list(folder.iterdir()))}"
     run.mkdir(parents=True)
     (run / "record.json").write_text(json.dumps(values))
     return run

@@ -16,7 +16,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASES
 from cospeech.reporting.figure import PART_COLOURS, PARTS
 from cospeech.reporting.files import write_text
-from cospeech.reporting.markup import escaped
+from cospeech.reporting.markup import escaped, plain
 from cospeech.reporting.player.encode import encode_audio, encode_tracks
 from cospeech.speech.speech import Speech
 
@@ -82,9 +82,10 @@ def script_safe_json(values: Any) -> str:
     """JSON that can stand inside a ``<script>`` element whatever the strings contain.
 
     ``<``, ``>``, ``&`` and the two line separators that end a line in JavaScript are written as
-    escapes; infinities and NaN, which JSON does not have, are refused.
+    escapes; what can't be shown is replaced; infinities and NaN, which JSON does not have, are
+    refused.
     """
-    text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = plain(json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return text
