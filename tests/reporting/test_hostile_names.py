@@ -156,7 +156,7 @@ def test_no_name_runs_in_a_browser(tmp_path):
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         for kind, write in PAGES.items():
-            for i, name in enumerate((*NAMES, *TOGETHER)):
+            for i, name in enumerate(TOGETHER):
                 folder = tmp_path / f"{kind}-{i}"
                 folder.mkdir()
                 page = browser.new_page()
