@@ -193,9 +193,11 @@ def test_links_lead_to_what_they_name(runs, tmp_path, monkeypatch):
     (tmp_path / "short").symlink_to(runs)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "deep" / "er").mkdir(parents=True)
+    (tmp_path / "deep" / "er" / "far").symlink_to(runs)
     for folder, output in (
         ("runs/", None), ("./runs", None), (str(runs), None), ("short", None), ("short/", None),
         ("short", "page.html"), ("deep/../runs", "deep/er/page.html"), ("short", "short/../p.html"),
+        ("deep/er/far", "deep/er/far/../p.html"),
     ):  # fmt: skip
         assert main([folder, *(["--output", output] if output else [])]) == 0
         path = Path(output or Path(folder) / "report.html")

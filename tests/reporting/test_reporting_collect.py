@@ -159,6 +159,8 @@ def test_chart_turns_logarithmic_and_skips_what_is_not_finite():
     assert xy[1][1] - xy[0][1] == pytest.approx(xy[2][1] - xy[1][1], abs=0.11)
     assert any("logarithmic" in (text.text or "") for text in svg.findall("text"))
     assert line_chart([Line("a", "red", [(0, float("inf"))])], "x", "y") == ""
+    assert line_chart([Line("a", "red", [(0, 1e308), (1, -1e308)])], "x", "y") == ""
+    assert ET.fromstring(line_chart([Line("a", "red", [(0, 1e20), (1, 1e20)])], "x", "y"))
     single = ET.fromstring(line_chart([Line("a", "red", [(4, 2.0)])], "x", "y"))
     assert len(single.findall("circle")) == 1
 

@@ -62,7 +62,7 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     if not logarithmic:
         # lines may start at zero when it is near: a tall axis that hides it exaggerates
         low = 0.0 if 0 < low < 0.4 * high else low
-    if high - low < 1e-12 * max(1.0, abs(high)):
+    if high - low < 1e-12:
         half = max(0.5, 0.1 * abs(high))
         low, high = low - half, high + half
     x_low, x_high = min(xs), max(xs)
