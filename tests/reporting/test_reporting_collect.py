@@ -11,44 +11,7 @@ from cospeech.reporting.__main__ import main
 from cospeech.reporting.chart import Line, line_chart
 from cospeech.reporting.collect import collect, differences, group_runs
 from cospeech.reporting.report import text_report, write_report
-
-
-def record(folder, seed=0, ablation="full", fgd=2.0, weight=5.0, **changes):
-    name = f"trimodal-synthetic-{ablation}-s{seed}"
-    values = {
-        "schema": 1,
-        "id": name,
-        "status": "ok",
-        "model": "trimodal",
-        "data": "synthetic",
-        "ablation": ablation,
-        "seed": seed,
-        "started": "2026-01-01T00:00:00+00:00",
-        "finished": "2026-01-01T01:00:00+00:00",
-        "config": {
-            "seed": seed,
-            "run_dir": f"outputs/runs/{name}",
-            "choices": {"ablation": ablation},
-            "model": {"loss": {"adversarial": weight}, "width": 8, "seed": seed},
-            "logger": {"csv": {"save_dir": f"outputs/runs/{name}"}},
-            "trainer": {"default_root_dir": f"outputs/runs/{name}/x"},
-        },
-        "commit": "0123456789abcdef",
-        "dirty": False,
-        "versions": {"torch": "2.13"},
-        "data_fingerprint": "corpus-1",
-        "encoder": {"sha256": "encoder-1", "name": "own"},
-        "timings": {"fit": 90.0, "test": 30.0},
-        "epochs": [{"epoch": e, "val/fgd": fgd + 10 - e, "val/joint_mae": 0.1} for e in range(5)],
-        "final": {"split": "test", "windows": {"fgd": fgd}, "recordings": {"fgd": fgd + 1}},
-        "references": {"real_halves": {"fgd": 0.25}, "mean_pose": {"fgd": 9.0}},
-        "samples": [],
-        "error": None,
-    } | changes
-    run = folder / (name + f"-{len(list(folder.iterdir()))}")
-    run.mkdir(parents=True)
-    (run / "record.json").write_text(json.dumps(values))
-    return run
+from tests.reporting.records import record
 
 
 @pytest.fixture
@@ -90,11 +53,14 @@ def test_damaged_and_odd_records_are_listed_not_fatal(study):
         "cut",
         "deep",
         "list",
+        "sparse",
     ]
-    assert len(collection.runs) == 5
+    assert len(collection.runs) == 4
     text = text_report(collection)
-    assert "sparse: unknown" in text
-    assert re.search(r"cut/record\.json: damaged record, left out \(Unterminated", text)
+    assert "sparse/record.json: damaged record, left out (config is a list, not an object" in text
+    assert re.search(
+        r"cut/record\.json: damaged record, left out \(line 1, column 1.*Untermin", text
+    )
     page = write_report(collection, study / "report.html").read_text()
     assert "Damaged records" in page
     assert "holds a list, not an object" in page
@@ -141,12 +107,12 @@ def test_why_different_names_what_differs_and_nothing_else(study):
 
 def test_text_report_numbers(study):
     text = text_report(collect(study), "markdown")
-    windows, recordings = text.split("Recordings protocol")
-    assert "| trimodal | 3 | 3.0 ± 2.6 |" in windows
-    assert "| trimodal, no adversarial | 1 | 4 |" in windows
-    assert "| real halves | \N{EN DASH} | 0.2500 |" in windows
-    assert "| trimodal | 3 | 4.0 ± 2.6 |" in recordings
-    assert "FGD ↓" in windows
+    assert "Corpus synthetic corpus-1 · encoder own encoder-1" in text
+    assert "| trimodal | windows | 3 | 3.0 ± 2.6 |" in text
+    assert "| trimodal, no adversarial | windows | 1 | 4 |" in text
+    assert "| trimodal | recordings | 3 | 4.0 ± 2.6 |" in text
+    assert "| real halves | reference | \N{EN DASH} | 0.2500 |" in text
+    assert "FGD ↓" in text
 
 
 def test_page_is_self_contained_and_links_to_players(study):
@@ -156,7 +122,8 @@ def test_page_is_self_contained_and_links_to_players(study):
     (study.parent / "secret.html").write_text("x")
     page = write_report(collect(study), study / "report.html").read_text()
     links = re.findall(r'href="([^"]*)"', page)
-    assert links == [f"{run.name}/samples/pl%20ayer.html"]
+    runs = [f"{path.parent.name}/" for path in study.glob("*/record.json")]
+    assert sorted(links) == sorted([*runs, f"{run.name}/samples/pl%20ayer.html"])
     assert not re.search(r"https?://|<script|src=", page)
     assert "<td><code>model.loss.adversarial</code></td><td>5</td><td>0</td>" in page
     assert "uncommitted" not in page
@@ -192,6 +159,8 @@ def test_chart_turns_logarithmic_and_skips_what_is_not_finite():
     assert xy[1][1] - xy[0][1] == pytest.approx(xy[2][1] - xy[1][1], abs=0.11)
     assert any("logarithmic" in (text.text or "") for text in svg.findall("text"))
     assert line_chart([Line("a", "red", [(0, float("inf"))])], "x", "y") == ""
+    assert line_chart([Line("a", "red", [(0, 1e308), (1, -1e308)])], "x", "y") == ""
+    assert ET.fromstring(line_chart([Line("a", "red", [(0, 1e20), (1, 1e20)])], "x", "y"))
     single = ET.fromstring(line_chart([Line("a", "red", [(4, 2.0)])], "x", "y"))
     assert len(single.findall("circle")) == 1
 

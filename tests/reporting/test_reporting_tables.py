@@ -64,7 +64,7 @@ def test_text_table():
 def test_markdown_table_escapes_and_aligns():
     rows = [{"a|b": "x|y\nz", "n": 2}]
     assert format_table(rows, style="markdown").split("\n") == [
-        "| a|b | n |",
+        "| a\\|b | n |",
         "| --- | ---: |",
         "| x\\|y z | 2 |",
     ]

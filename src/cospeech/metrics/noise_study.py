@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,6 +15,7 @@ from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.functional import frechet_terms, joint_mae
 from cospeech.metrics.moments import feature_moments
 from cospeech.metrics.protocol import encode
+from cospeech.reporting.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -161,13 +161,8 @@ def plot_noise_study(rows: list[NoiseRow], path: str | Path) -> None:
         *axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False
     )
     figure.suptitle("Metrics under synthetic disturbances of real motion", x=0.01, ha="left")
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        figure.savefig(temporary, format=path.suffix.removeprefix("."), dpi=160)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=160)
 
 
 def _bars(

@@ -10,6 +10,7 @@ from pathlib import Path
 from cospeech.errors import CospeechError
 from cospeech.reporting.collect import collect
 from cospeech.reporting.report import text_report, write_report
+from cospeech.terminal import replace_unprintable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,13 +27,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
     parser.add_argument("--output", type=Path, help="page to write (FOLDER/report.html)")
     given = parser.parse_args(arguments)
+    replace_unprintable()
     try:
         collection = collect(given.folder)
+        print(text_report(collection, "markdown" if given.markdown else "text"))
         page = write_report(collection, given.output or given.folder / "report.html")
     except CospeechError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    print(text_report(collection, "markdown" if given.markdown else "text"))
     print(f"\npage: {page.resolve()}")
     return 0
 

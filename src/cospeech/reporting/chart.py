@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from cospeech.reporting.markup import escaped
 
 SERIES_COLOURS: tuple[str, ...] = (
     "#3f8efc", "#f0883e", "#3f9d5b", "#d1495b", "#8e6fc1", "#c29a2c", "#2a9d9d", "#d86fa8",
@@ -16,6 +17,7 @@ SERIES_COLOURS: tuple[str, ...] = (
 _WIDTH, _HEIGHT = 720, 300
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 14, 14, 38
 _LOG_RATIO = 30
+_FARTHEST = 1e100
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Line:
     Attributes:
         name: Shown when the pointer rests on it.
         colour: CSS colour.
-        points: (x, y) in order of x; points that are not finite are left out.
+        points: (x, y) in order of x; points that are not finite, or beyond 1e100, are left out.
     """
 
     name: str
@@ -48,19 +50,21 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
         ``<svg>...</svg>`` that needs no other file; empty when there is nothing to draw.
     """
     finite = [
-        [(x, y) for x, y in line.points if math.isfinite(x) and math.isfinite(y)] for line in lines
+        [(x, y) for x, y in line.points if abs(x) < _FARTHEST and abs(y) < _FARTHEST]
+        for line in lines
     ]
     points = [point for line in finite for point in line]
     if not points:
         return ""
     xs, ys = [x for x, _ in points], [y for _, y in points]
-    logarithmic = min(ys) > 0 and max(ys) / min(ys) > _LOG_RATIO
+    logarithmic = min(ys) > 1 / _FARTHEST and max(ys) / min(ys) > _LOG_RATIO
     low, high = (math.log10(min(ys)), math.log10(max(ys))) if logarithmic else (min(ys), max(ys))
     if not logarithmic:
         # lines may start at zero when it is near: a tall axis that hides it exaggerates
         low = 0.0 if 0 < low < 0.4 * high else low
     if high - low < 1e-12:
-        low, high = low - 0.5, high + 0.5
+        half = max(0.5, 0.1 * abs(high))
+        low, high = low - half, high + half
     x_low, x_high = min(xs), max(xs)
     x_span = (x_high - x_low) or 1.0
 
@@ -84,7 +88,7 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
             f"{tick:g}</text>"
         )
     for line, own in zip(lines, finite, strict=True):
-        name = html.escape(line.name)
+        name = escaped(line.name)
         if len(own) == 1:
             x, y = own[0]
             mark = f'<circle cx="{x_at(x):.1f}" cy="{y_at(y):.1f}" r="3" fill="{line.colour}">'
@@ -99,9 +103,9 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     scale = ", logarithmic" if logarithmic else ""
     parts.append(
         f'<text x="{(_LEFT + _WIDTH - _RIGHT) / 2}" y="{_HEIGHT - 5}" text-anchor="middle">'
-        f"{html.escape(x_title)}</text>"
+        f"{escaped(x_title)}</text>"
         f'<text transform="translate(13 {middle}) rotate(-90)" text-anchor="middle">'
-        f"{html.escape(y_title)}{scale}</text></svg>"
+        f"{escaped(y_title)}{scale}</text></svg>"
     )
     return "".join(parts)
 

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cospeech.errors import CospeechError
-from cospeech.reporting.tables import METRICS, Column, Summary, summarise
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.reporting.record import load_record
+from cospeech.reporting.run_state import is_at_work
+from cospeech.reporting.tables import Summary, summarise
 
+RECORD = "record.json"
 PROTOCOLS: tuple[str, ...] = ("windows", "recordings")
 """The two ways a run is judged; their numbers are not comparable with one another."""
 
-_MAX_RECORD_BYTES = 64 * 2**20
+_MOST_SAMPLES = 100
+_LONGEST_SETTING = 60
+_LIMITS = ("fast_dev_run", "overfit_batches")
 # settings that name the run or watch it, and do not change its numbers
 _NOT_SETTINGS = (
     "seed",
@@ -36,11 +42,13 @@ class Run:
 
     Attributes:
         folder: The run's folder.
-        values: Content of its ``record.json``.
+        values: Content of its ``record.json``, of the types that `load_record` promises.
+        at_work: Whether its process is alive; None where that can't be told.
     """
 
     folder: Path
     values: Mapping[str, Any]
+    at_work: bool | None = None
 
     @property
     def id(self) -> str:
@@ -49,8 +57,41 @@ class Run:
 
     @property
     def status(self) -> str:
-        """``ok``, ``failed``, ``interrupted``, ``running`` or ``unknown``."""
-        return str(self.values.get("status") or "unknown")
+        """``ok``, ``failed``, ``interrupted``, ``running`` or ``unknown``.
+
+        A run that was killed could not write so: it is ``interrupted``, or ``running?`` where
+        nobody can tell whether it was.
+        """
+        status = str(self.values.get("status") or "unknown")
+        if status != "running" or self.at_work:
+            return status
+        return "running?" if self.at_work is None else "interrupted"
+
+    @property
+    def error(self) -> str:
+        """The first line of what ended the run; empty where nothing did."""
+        if self.values.get("status") == "running":
+            return "killed before it could say so" if self.status == "interrupted" else ""
+        lines = str(self.values.get("error") or "").strip().splitlines()
+        return lines[0] if lines else ""
+
+    @property
+    def is_debug(self) -> bool:
+        """Whether it saw a few batches alone (``debug=fast``): its numbers mean nothing."""
+        config = self.mapping("config")
+        choices, trainer = config.get("choices"), config.get("trainer")
+        if isinstance(choices, Mapping) and choices.get("debug"):
+            return True
+        return isinstance(trainer, Mapping) and any(
+            bool(value) and not (isinstance(value, float) and value == 1)
+            for key, value in trainer.items()
+            if key in _LIMITS or (key.startswith("limit_") and key.endswith("_batches"))
+        )
+
+    @property
+    def space(self) -> tuple[str | None, str | None]:
+        """Corpus fingerprint and encoder hash; numbers of two spaces are not comparable."""
+        return self.values.get("data_fingerprint"), self.mapping("encoder").get("sha256")
 
     @property
     def seed(self) -> Any:
@@ -77,10 +118,10 @@ class Run:
 
     def samples(self) -> list[Path]:
         """The run's player pages and videos that exist, inside its folder."""
-        names = self.values.get("samples")
-        paths = [self.folder / str(name) for name in names] if isinstance(names, list) else []
+        names = self.values.get("samples") or []
         root = self.folder.resolve()
-        return [path for path in paths if path.is_file() and root in path.resolve().parents]
+        paths = [self.folder / name for name in names[-_MOST_SAMPLES:] if _is_inside(root, name)]
+        return list(dict.fromkeys(paths))
 
     def settings(self) -> dict[str, Any]:
         """The resolved config as dotted keys, without what names or watches the run."""
@@ -101,7 +142,7 @@ class Collection:
     Attributes:
         folder: Where they were looked for.
         runs: Readable records, by folder name.
-        damaged: File and reason of each that could not be read.
+        damaged: File and reason of each that is not used.
     """
 
     folder: Path
@@ -121,6 +162,8 @@ class Group:
         runs: The newest finished run of each seed.
         superseded: Finished runs of a seed that a newer one repeats.
         unfinished: Failed, interrupted and running ones.
+        space: Corpus fingerprint and encoder hash of its numbers.
+        is_debug: Whether its runs are debug runs.
     """
 
     label: str
@@ -130,6 +173,8 @@ class Group:
     runs: list[Run] = field(default_factory=list)
     superseded: list[Run] = field(default_factory=list)
     unfinished: list[Run] = field(default_factory=list)
+    space: tuple[str | None, str | None] = (None, None)
+    is_debug: bool = False
 
     @property
     def members(self) -> list[Run]:
@@ -140,11 +185,6 @@ class Group:
         """A final metric over the seeds; None when no run has it."""
         values = (number(run.final(protocol).get(metric)) for run in self.runs)
         return summarise(value for value in values if value is not None)
-
-    def row(self, protocol: str) -> dict[str, Any]:
-        """The group's row of a results table."""
-        summaries = {metric.key: self.summary(protocol, metric.key) for metric in METRICS}
-        return {"label": self.label, "data": self.data, "runs": len(self.runs), **summaries}
 
 
 def number(value: Any) -> float | None:
@@ -165,7 +205,9 @@ def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def collect(folder: str | Path) -> Collection:
-    """Read every ``record.json`` under a folder.
+    """Read every ``record.json`` under a folder. Nothing is written there, and no lock is left.
+
+    A link to a run's folder is followed, other links are not.
 
     Raises:
         CospeechError: The folder does not exist, or there is no record under it.
@@ -177,24 +219,41 @@ def collect(folder: str | Path) -> Collection:
         )
     runs: list[Run] = []
     damaged: list[tuple[Path, str]] = []
-    for path in sorted(folder.rglob("record.json")):
+    for path in _records(folder):
         try:
-            runs.append(Run(path.parent, _read(path)))
-        except (OSError, ValueError, RecursionError) as error:
-            damaged.append((path, str(error) or type(error).__name__))
+            if path.is_symlink():
+                raise InputFileError(path, "is a link, which is not followed")
+            values = load_record(path)
+        except InputFileError as error:
+            damaged.append((path, error.problem.removeprefix(str(path)).lstrip(":, ")))
+        else:
+            at_work = is_at_work(path.parent) if values.get("status") == "running" else None
+            runs.append(Run(path.parent, values, at_work))
     if not runs and not damaged:
         raise CospeechError(f"{folder}: no record.json under it", "train something first: train.py")
     return Collection(folder, runs, damaged)
 
 
-def _read(path: Path) -> dict[str, Any]:
-    size = path.stat().st_size
-    if size > _MAX_RECORD_BYTES:
-        raise ValueError(f"{size} bytes is no record")
-    values = json.loads(path.read_text(encoding="utf-8"))
-    if not isinstance(values, dict):
-        raise ValueError(f"holds a {type(values).__name__}, not an object")
-    return values
+def _records(folder: Path) -> list[Path]:
+    found: dict[Path, Path] = {}
+    for place, folders, files in os.walk(folder):
+        inside = [Path(place, name) for name in folders]
+        runs = [path for path in inside if path.is_symlink() and (path / RECORD).is_file()]
+        for run in (*([Path(place)] if RECORD in files else []), *runs):
+            # a folder and a link to it are one run, and it is shown where it lies
+            real = run.resolve()
+            if real not in found or not run.is_symlink():
+                found[real] = run / RECORD
+    return sorted(found.values())
+
+
+def _is_inside(root: Path, name: str) -> bool:
+    """Whether a name is that of a file under a folder, without links or ways out on the way."""
+    try:
+        path = root / name
+        return path.is_relative_to(root) and path.is_file() and path.resolve() == path
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def group_runs(runs: Iterable[Run]) -> list[Group]:
@@ -205,7 +264,7 @@ def group_runs(runs: Iterable[Run]) -> list[Group]:
     alike: dict[str, list[Run]] = {}
     for run in runs:
         names = [run.values.get(name) for name in ("model", "data", "ablation")]
-        key = json.dumps([*names, run.settings()], sort_keys=True, default=str)
+        key = json.dumps([*names, run.is_debug, run.settings()], sort_keys=True, default=str)
         alike.setdefault(key, []).append(run)
     groups = [_group(members) for same in alike.values() for members in _comparable(same)]
     _tell_apart(groups)
@@ -220,7 +279,7 @@ def _comparable(runs: Sequence[Run]) -> list[list[Run]]:
     known: dict[tuple[Any, Any], list[Run]] = {}
     early: list[Run] = []
     for run in runs:
-        space = run.values.get("data_fingerprint"), run.mapping("encoder").get("sha256")
+        space = run.space
         if None in space and run.status != "ok":
             early.append(run)
         else:
@@ -237,7 +296,8 @@ def _group(members: Sequence[Run]) -> Group:
     model, data, ablation = (str(first.get(name)) for name in ("model", "data", "ablation"))
     what = ablation.removeprefix(f"{model}__").replace("_", " ")
     label = model if ablation in ("full", "None") else f"{model}, {what}"
-    group = Group(label, model, data, ablation)
+    group = Group(label, model, data, ablation, is_debug=members[0].is_debug)
+    group.space = max((run.space for run in members), key=lambda space: 2 - space.count(None))
     for run in sorted(members, key=lambda run: str(run.values.get("finished") or ""), reverse=True):
         if run.status != "ok":
             group.unfinished.append(run)
@@ -251,15 +311,17 @@ def _group(members: Sequence[Run]) -> Group:
 
 def _tell_apart(groups: Sequence[Group]) -> None:
     """Add the settings that differ to the labels of groups that would look alike."""
-    alike: dict[tuple[str, str], list[Group]] = {}
+    alike: dict[tuple[str, str, bool], list[Group]] = {}
     for group in groups:
-        alike.setdefault((group.label, group.data), []).append(group)
+        alike.setdefault((group.label, group.data, group.is_debug), []).append(group)
     for same in alike.values():
         if len(same) < 2:
             continue
         differing = differences([group.members[0] for group in same])
         for i, group in enumerate(same):
-            parts = [f"{key}={values[i]}" for key, values in differing.items()]
+            parts = [
+                f"{key}={str(values[i])[:_LONGEST_SETTING]}" for key, values in differing.items()
+            ]
             group.label = f"{group.label} [{', '.join(parts[:3])}{', …' if len(parts) > 3 else ''}]"
 
 
@@ -271,6 +333,7 @@ def differences(runs: Sequence[Run]) -> dict[str, list[Any]]:
     flat = []
     for run in runs:
         facts = {
+            "data": run.values.get("data"),
             "corpus fingerprint": _short(run.values.get("data_fingerprint")),
             "encoder": _short(run.mapping("encoder").get("sha256")),
             "commit": _short(run.values.get("commit")),
@@ -285,11 +348,3 @@ def differences(runs: Sequence[Run]) -> dict[str, list[Any]]:
 
 def _short(value: Any) -> str | None:
     return None if value is None else str(value)[:12]
-
-
-def result_columns(rows: Sequence[Mapping[str, Any]]) -> list[Column]:
-    """The columns of a results table that some row has a value for."""
-    metrics = [column for column in METRICS if any(row.get(column.key) is not None for row in rows)]
-    several = len({row.get("data") for row in rows if row.get("data") is not None}) > 1
-    data = [Column("data")] if several else []
-    return [Column("label", " "), *data, Column("runs"), *metrics]

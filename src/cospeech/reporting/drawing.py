@@ -14,6 +14,7 @@ from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.reporting.figure import PART_COLOURS, check_drawable, figure_of
 from cospeech.reporting.framing import extents
+from cospeech.reporting.markup import one_line
 from cospeech.reporting.projection import Camera
 from cospeech.speech.speech import Word
 
@@ -121,7 +122,8 @@ class FigurePainter:
         draw = ImageDraw.Draw(cell)
         _draw_grid(draw, camera, frame)
         margin = round(0.03 * camera.cell[1])
-        draw.text((margin, margin), list(self.tracks)[track], font=self._label_font, fill=_TEXT)
+        label = one_line(list(self.tracks)[track])
+        draw.text((margin, margin), label, font=self._label_font, fill=_TEXT)
         self._grounds[track] = (place, cell)
         return cell
 
@@ -172,14 +174,13 @@ class FigurePainter:
     ) -> None:
         font = self._word_font
         space = draw.textlength(" ", font=font)
-        widths = [draw.textlength(word.text, font=font) for word in line]
+        texts = [one_line(word.text) for word in line]
+        widths = [draw.textlength(text, font=font) for text in texts]
         x = (size[0] - sum(widths) - space * max(len(line) - 1, 0)) / 2
         y = size[1] - 0.5 * self._band
-        for word, width in zip(line, widths, strict=True):
+        for word, text, width in zip(line, texts, widths, strict=True):
             current = word.start <= time + 1e-6 < word.end
-            draw.text(
-                (x, y), word.text, font=font, fill=_ACCENT if current else _MUTED, anchor="lm"
-            )
+            draw.text((x, y), text, font=font, fill=_ACCENT if current else _MUTED, anchor="lm")
             x += width + space
 
 

@@ -1,12 +1,18 @@
-"""Writing files so that a killed process leaves the old one, or none."""
+"""Writing files so that a killed process, or a full disk, leaves the old one, or none."""
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from cospeech.errors import CospeechError
+
+_MOST_OF_A_NAME = 40
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
@@ -15,20 +21,63 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
     Missing parent folders are made. On an error the temporary file is removed and ``path`` is
     as it was.
+
+    Raises:
+        CospeechError: It can't be written: no room, no permission, a folder of that name.
     """
     target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(
-        prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent
-    )
-    os.close(handle)
-    temporary = Path(name)
+    temporary = None
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(
+            # a temporary name is longer than the target's, which may be as long as names can be
+            prefix=f".{target.stem[:_MOST_OF_A_NAME]}.",
+            suffix=target.suffix[:_MOST_OF_A_NAME],
+            dir=target.parent,
+        )
+        os.close(handle)
+        temporary = Path(name)
         yield temporary
         # mkstemp makes files private; a report is as readable as any other new file
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
+        _flush(temporary)
         temporary.replace(target)
+    except OSError as error:
+        raise _unwritable(target, temporary, error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if temporary is not None:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text as UTF-8 by way of `replacing`.
+
+    Half a surrogate pair, which can't be encoded, becomes ``?``.
+
+    Raises:
+        CospeechError: As for `replacing`.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+
+
+def _flush(path: Path) -> None:
+    """To the disk itself: a name must not outlive, in a power cut, what it was given for."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _unwritable(target: Path, temporary: Path | None, error: OSError) -> CospeechError:
+    reason = error.strerror or str(error) or type(error).__name__
+    # the temporary name says nothing to a user, that of another file does
+    if temporary and error.filename and str(error.filename) not in (str(temporary), str(target)):
+        reason += f": {error.filename}"
+    hint = (
+        "make room there, and run it again"
+        if error.errno in _NO_ROOM
+        else "check that this folder can be written to"
+    )
+    return CospeechError(f"{target}: can't be written ({reason})", hint)

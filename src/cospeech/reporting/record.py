@@ -7,12 +7,16 @@ import math
 import os
 import platform
 import subprocess
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import torch
+from cospeech.errors import InputFileError
+from cospeech.foreign import read_json
+from cospeech.reporting.files import write_text
+from cospeech.reporting.record_schema import record_problems
 
 RECORD_SCHEMA = 1
 _PACKAGES = ("cospeech", "torch", "lightning", "torchmetrics", "hydra-core", "numpy", "librosa")
@@ -79,24 +83,44 @@ class RunRecord:
             write_json(self.path, self.values)
 
 
+def load_record(path: Path, needs: Sequence[str] = ()) -> dict[str, Any]:
+    """A record's values, every known key of the type that it should have (or null, or absent).
+
+    Nothing else of a record may be relied on: it may come from anywhere.
+
+    Args:
+        path: The `record.json`.
+        needs: Keys that must be there.
+
+    Raises:
+        InputFileError: The file is absent or damaged, a value is of another type, or a key that
+            is needed is missing.
+    """
+    hint = "leave it out, or start the run anew"
+    values = read_json(path, "a record of a run", hint=hint)
+    problems = record_problems(values)
+    if not problems:
+        problems = [f"has no {key!r}" for key in needs if values.get(key) is None]
+    if problems:
+        raise InputFileError(path, "; ".join(problems), hint=hint)
+    return dict(values)
+
+
 def read_record(path: Path) -> dict[str, Any]:
-    """A record's values; empty where the file is damaged."""
+    """A record's values as `load_record` gives them; empty where the file is damaged."""
     try:
-        values = json.loads(path.read_text())
-    except (OSError, ValueError):
+        return load_record(path)
+    except InputFileError:
         return {}
-    return values if isinstance(values, dict) else {}
 
 
 def write_json(path: Path, values: Any) -> None:
-    """JSON written to a temporary file and moved into place. NaN and infinity become null."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("w") as file:
-        json.dump(_finite(values), file, indent=1)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    """JSON written to a temporary file and moved into place. NaN and infinity become null.
+
+    Raises:
+        CospeechError: It can't be written; an older file stays as it is.
+    """
+    write_text(path, json.dumps(_finite(values), indent=1))
 
 
 def _finite(value: Any) -> Any:
@@ -141,6 +165,8 @@ def _versions() -> dict[str, str]:
 
 
 def _hardware() -> dict[str, Any]:
+    import torch  # here, because to read records needs none of its seconds
+
     gpus = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
     return {
         "platform": platform.platform(),

@@ -1,8 +1,7 @@
-"""One self-contained HTML page about many runs."""
+"""One self-contained HTML page about many runs, and the same tables for a terminal."""
 
 from __future__ import annotations
 
-import html
 import os
 from collections.abc import Sequence
 from importlib.resources import files
@@ -11,46 +10,54 @@ from typing import Any
 from urllib.parse import quote
 
 from cospeech.reporting.chart import SERIES_COLOURS, Line, line_chart
-from cospeech.reporting.collect import (
-    PROTOCOLS,
-    Collection,
-    Group,
-    Run,
-    differences,
-    group_runs,
-    number,
-    result_columns,
+from cospeech.reporting.collect import Collection, Group, Run, differences, group_runs, number
+from cospeech.reporting.files import write_text
+from cospeech.reporting.markup import escaped, markdown, one_line
+from cospeech.reporting.results import Results, results_of
+from cospeech.reporting.tables import (
+    MISSING,
+    Column,
+    Summary,
+    format_table,
+    format_value,
+    with_interval,
 )
-from cospeech.reporting.files import replacing
-from cospeech.reporting.tables import METRICS, MISSING, Column, Summary, format_table, format_value
 
 _MONITOR = "val/fgd"
+_MOST_CHARTS = 60
+_MOST_DIFFERENCES = 200
+_LONGEST_NAME = 60
+_TEXT_COLUMNS = ("label", "protocol", "interval")
 
 
 def text_report(collection: Collection, style: str = "text") -> str:
     """The results of a collection of runs, for a terminal or a README.
 
-    One table per protocol: mean ± standard deviation over seeds, reference rows below; then the
-    runs that failed and the records that could not be read.
+    One table per corpus and encoder: mean ± standard deviation over seeds by each protocol, and
+    the reference rows; then, without numbers, the runs that are still at work, that failed or were
+    interrupted, that are debug runs, and the records that could not be read.
 
     Args:
         collection: From `collect`.
         style: ``"text"`` or ``"markdown"``.
     """
+    line = markdown if style == "markdown" else one_line
     groups = group_runs(collection.runs)
     parts = []
-    for protocol in PROTOCOLS:
-        rows = _rows(groups, protocol)
-        if rows:
+    for results in results_of(groups):
+        if results.rows:
             table = format_table(
-                rows, result_columns(rows), "text" if style == "text" else "markdown"
+                results.rows, results.columns, "markdown" if style == "markdown" else "text"
             )
-            parts.append(f"{_protocol_title(protocol)}\n\n{table}")
+            parts.append(f"{line(results.title)}\n\n{table}")
     if not parts:
         parts.append("no finished run with final numbers yet")
-    unfinished = [run for group in groups for run in group.unfinished]
-    parts += [f"{run.id}: {run.status}{_error(run, ': ')}" for run in unfinished]
-    parts += [f"{path}: damaged record, left out ({reason})" for path, reason in collection.damaged]
+    for title, members in _apart(groups):
+        lines = [f"{run.id}: {run.status}{_reason(run, ': ')}" for _, run in members]
+        parts.append("\n".join([f"{title}, not among the results:", *map(line, lines)]))
+    parts += [
+        line(f"{path}: damaged record, left out ({reason})") for path, reason in collection.damaged
+    ]
     return "\n\n".join(parts)
 
 
@@ -63,24 +70,30 @@ def write_report(collection: Collection, path: str | Path) -> Path:
 
     Returns:
         ``path``.
+
+    Raises:
+        CospeechError: The file can't be written.
     """
     path = Path(path)
     groups = group_runs(collection.runs)
     name = collection.folder.resolve().name
+    found = results_of(groups)
     body = [
-        f"<h1>{html.escape(name)}</h1>",
+        f"<h1>{escaped(name)}</h1>",
         f'<p class="muted">{_count(len(collection.runs), "run")} in {_count(len(groups), "group")};'
         " ± is the standard deviation over training seeds, the small line the 95 % interval of the"
-        " mean (Student's t).</p>",
+        " mean (Student's t). Numbers of different corpora or encoders are not comparable.</p>",
     ]
-    for protocol in PROTOCOLS:
-        body += _results_section(groups, protocol)
-    body += _curves_section(groups)
-    body += _differences_section(groups)
-    body += _runs_section(groups, path.parent)
+    for results in found:
+        body += _results_section(results, path.parent)
+    if not any(results.rows for results in found):
+        body.append("<section>No finished run with final numbers yet.</section>")
+    body += _differences_section([group for group in groups if not group.is_debug])
+    for title, members in _apart(groups):
+        body += [f"<h2>{title}</h2>", _curves(members), _runs_table(members, path.parent, [])]
     if collection.damaged:
         items = "".join(
-            f"<li><code>{html.escape(str(file))}</code>: {html.escape(reason)}</li>"
+            f"<li><code>{escaped(file)}</code>: {escaped(reason)}</li>"
             for file, reason in collection.damaged
         )
         body.append(f'<h2>Damaged records</h2><section class="bad"><ul>{items}</ul></section>')
@@ -88,71 +101,61 @@ def write_report(collection: Collection, path: str | Path) -> Path:
     page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(name)}: results</title><style>{css}</style></head>\n<body>\n"
-        + "\n".join(body)
+        f"<title>{escaped(name)}: results</title><style>{css}</style></head>\n<body>\n"
+        + "\n".join(part for part in body if part)
         + "\n</body></html>\n"
     )
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8", newline="\n")
+    write_text(path, page)
     return path
 
 
-def _protocol_title(protocol: str) -> str:
-    return {
-        "windows": "Windows protocol: real seed poses, one window at a time",
-        "recordings": "Recordings protocol: generated over whole recordings, then cut",
-    }[protocol]
+def _apart(groups: Sequence[Group]) -> list[tuple[str, list[tuple[Group, Run]]]]:
+    """What is shown without being a result, under its heading."""
+    everyone = [(group, run) for group in groups for run in group.members]
+    kinds: dict[str, list[tuple[Group, Run]]] = {
+        "Still running": [],
+        "Failed and interrupted runs": [],
+        "Debug runs": [],
+    }
+    for group, run in everyone:
+        if group.is_debug:
+            kinds["Debug runs"].append((group, run))
+        elif run.status.startswith("running"):
+            kinds["Still running"].append((group, run))
+        elif run.status != "ok":
+            kinds["Failed and interrupted runs"].append((group, run))
+    return [(title, members) for title, members in kinds.items() if members]
 
 
-def _rows(groups: Sequence[Group], protocol: str) -> list[dict[str, Any]]:
-    """A row per group that has numbers, then the reference rows of each corpus and encoder."""
-    with_numbers = [group for group in groups if any(run.final(protocol) for run in group.runs)]
-    rows = [group.row(protocol) for group in with_numbers]
-    spaces: dict[tuple[Any, Any], Group] = {}
-    for group in with_numbers:
-        run = group.runs[0]
-        space = run.values.get("data_fingerprint"), run.mapping("encoder").get("sha256")
-        spaces.setdefault(space, group)
-    for group in spaces.values():
-        of = f" ({group.label})" if len(spaces) > 1 else ""
-        for name, values in group.runs[0].mapping("references").items():
-            if isinstance(values, dict):
-                shown = {metric.key: number(values.get(metric.key)) for metric in METRICS}
-                label = f"{str(name).replace('_', ' ')}{of}"
-                rows.append({"label": label, "data": group.data, "runs": None, **shown})
-    return rows
-
-
-def _results_section(groups: Sequence[Group], protocol: str) -> list[str]:
-    rows = _rows(groups, protocol)
-    if not rows:
-        return []
-    columns = result_columns(rows)
-    colours = {group.label: colour for group, colour in _coloured(groups)}
+def _results_section(results: Results, folder: Path) -> list[str]:
+    colours = {id(group): colour for group, colour in _coloured(results.groups)}
+    members = [(group, run) for group in results.groups for run in (*group.runs, *group.superseded)]
     lines = []
-    for row in rows:
-        reference = row["runs"] is None
+    for row in results.rows:
+        group = row.get("group")
         cells = []
-        for column in columns:
-            value = row.get(column.key)
-            text = _cell(value)
-            if column.key == "label" and not reference:
-                text = f'<i class="swatch" style="background:{colours[row["label"]]}"></i>{text}'
+        for column in results.columns:
+            text = _cell(row.get(column.key))
+            if column.key == "label" and group is not None:
+                text = f'<i class="swatch" style="background:{colours[id(group)]}"></i>{text}'
             cells.append(f"<td{_number_class(column)}>{text}</td>")
-        lines.append(f"<tr{' class=reference' if reference else ''}>{''.join(cells)}</tr>")
-    heads = "".join(f"<th{_number_class(c)}>{html.escape(c.heading)}</th>" for c in columns)
+        lines.append(f"<tr{' class=reference' if group is None else ''}>{''.join(cells)}</tr>")
+    heads = "".join(f"<th{_number_class(c)}>{escaped(c.heading)}</th>" for c in results.columns)
+    table = f"<section><table><tr>{heads}</tr>{''.join(lines)}</table></section>"
     return [
-        f"<h2>{_protocol_title(protocol)}</h2>",
-        f"<section><table><tr>{heads}</tr>{''.join(lines)}</table></section>",
+        f"<h2>{escaped(results.title)}</h2>",
+        table if lines else "",
+        _curves(members),
+        _runs_table(members, folder, [c for c in results.columns if c.key in ("fgd", "interval")]),
     ]
 
 
 def _number_class(column: Column) -> str:
-    return "" if column.key in ("label", "data") else ' class="number"'
+    return "" if column.key in _TEXT_COLUMNS else ' class="number"'
 
 
 def _cell(value: Any) -> str:
-    text = html.escape(format_value(value))
+    text = escaped(format_value(value))
     if isinstance(value, Summary) and value.ci95 is not None:
         low, high = value.ci95
         text += f"<small>{format_value(low)} to {format_value(high)}</small>"
@@ -163,35 +166,38 @@ def _coloured(groups: Sequence[Group]) -> list[tuple[Group, str]]:
     return [(g, SERIES_COLOURS[i % len(SERIES_COLOURS)]) for i, g in enumerate(groups)]
 
 
-def _curves_section(groups: Sequence[Group]) -> list[str]:
+def _curves(members: Sequence[tuple[Group, Run]]) -> str:
+    """Validation by epoch, of runs of one corpus and encoder; nothing where they differ."""
+    if len({run.space for _, run in members if run.epochs()}) > 1:
+        return ""
     keys = dict.fromkeys(
         key
-        for group in groups
-        for run in group.members
+        for _, run in members
         for row in run.epochs()
         for key, value in row.items()
         if key.startswith("val/") and number(value) is not None
     )
+    groups = list(dict.fromkeys(group for group, _ in members))
+    colours = dict(_coloured(groups))
     parts = []
-    for key in sorted(keys, key=lambda key: (key != _MONITOR, key)):
+    for key in sorted(keys, key=lambda key: (key != _MONITOR, key))[:_MOST_CHARTS]:
         lines = [
-            Line(f"{group.label}, seed {run.seed}", colour, _curve(run, key))
-            for group, colour in _coloured(groups)
-            for run in group.members
+            Line(f"{group.label}, seed {format_value(run.seed)}", colours[group], _curve(run, key))
+            for group, run in members
         ]
-        chart = line_chart(lines, "epoch", key)
+        chart = line_chart(lines, "epoch", _short(key))
         if key == _MONITOR:
             parts.append(chart)
         elif chart:
-            parts.append(f"<details><summary>{html.escape(key)}</summary>{chart}</details>")
-    if not parts:
-        return []
+            parts.append(f"<details><summary>{escaped(key)}</summary>{chart}</details>")
+    if not any(parts):
+        return ""
     legend = " ".join(
-        f'<span style="margin-right:16px"><i class="swatch" style="background:{colour}"></i>'
-        f"{html.escape(group.label)}</span>"
-        for group, colour in _coloured(groups)
+        f'<span class="legend"><i class="swatch" style="background:{colour}"></i>'
+        f"{escaped(group.label)}</span>"
+        for group, colour in colours.items()
     )
-    return ["<h2>Validation, epoch by epoch</h2>", f"<section>{legend}{''.join(parts)}</section>"]
+    return f"<h3>Validation, epoch by epoch</h3><section>{legend}{''.join(parts)}</section>"
 
 
 def _curve(run: Run, key: str) -> list[tuple[float, float]]:
@@ -205,57 +211,71 @@ def _differences_section(groups: Sequence[Group]) -> list[str]:
     table = differences([group.members[0] for group in groups])
     if not table:
         return []
-    heads = "".join(f"<th>{html.escape(group.label)}</th>" for group in groups)
+    heads = "".join(f"<th>{escaped(group.label)}</th>" for group in groups)
     lines = "".join(
-        f"<tr><td><code>{html.escape(key)}</code></td>"
-        + "".join(f"<td>{html.escape(format_value(value))}</td>" for value in values)
+        f"<tr><td><code>{escaped(key)}</code></td>"
+        + "".join(f"<td>{escaped(format_value(value))}</td>" for value in values)
         + "</tr>"
-        for key, values in table.items()
+        for key, values in list(table.items())[:_MOST_DIFFERENCES]
     )
+    more = len(table) - _MOST_DIFFERENCES
+    rest = f"<p>and {more:,} more settings</p>" if more > 0 else ""
     return [
         "<h2>Why different: what sets the groups apart</h2>",
-        f"<section><table><tr><th>setting</th>{heads}</tr>{lines}</table></section>",
+        f"<section><table><tr><th>setting</th>{heads}</tr>{lines}</table>{rest}</section>",
     ]
 
 
-def _runs_section(groups: Sequence[Group], folder: Path) -> list[str]:
-    heads = "".join(
-        f"<th>{title}</th>"
-        for title in ("run", "status", "seed", "epochs", "time", "commit", "see and hear")
-    )
+def _runs_table(
+    members: Sequence[tuple[Group, Run]], folder: Path, judged_by: Sequence[Column]
+) -> str:
+    """Every run with its links, and its own numbers by the recordings protocol."""
+    titles = ["run", "status", "seed", "epochs", "time", "commit", "see and hear"]
+    titles[3:3] = [column.heading for column in judged_by]
+    heads = "".join(f"<th>{escaped(title)}</th>" for title in titles)
     lines = []
-    for group in groups:
-        for run in group.members:
-            note = " (a newer run of this seed counts)" if run in group.superseded else ""
-            error = html.escape(_error(run, ""))
-            seconds = sum(number(value) or 0.0 for value in run.mapping("timings").values())
-            commit = str(run.values.get("commit") or MISSING)[:10]
-            changed = ", uncommitted changes" if run.values.get("dirty") else ""
-            cells = [
-                f"{html.escape(run.id)}<small>{html.escape(group.label)}{note}</small>",
-                html.escape(run.status) + (f'<small class="bad">{error}</small>' if error else ""),
-                html.escape(format_value(run.seed)),
-                str(len(run.epochs())),
-                f"{seconds / 60:.1f} min" if seconds else MISSING,
-                f"<code>{html.escape(commit)}</code>{changed}",
-                " ".join(_link(sample, run, folder) for sample in run.samples()) or MISSING,
-            ]
-            lines.append(f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
-    return [
-        "<h2>Runs</h2>",
-        f"<section><table><tr>{heads}</tr>{''.join(lines)}</table></section>",
-    ]
+    for group, run in members:
+        note = " (a newer run of this seed counts)" if run in group.superseded else ""
+        error = escaped(_reason(run, ""))
+        seconds = sum(number(value) or 0.0 for value in run.mapping("timings").values())
+        commit = str(run.values.get("commit") or MISSING)[:10]
+        changed = ", uncommitted changes" if run.values.get("dirty") else ""
+        own = with_interval(run.final("recordings"))
+        cells = [
+            f'<a href="{_address(run.folder, folder)}/">{escaped(run.id)}</a>'
+            f"<small>{escaped(group.label)}{note}</small>",
+            escaped(run.status) + (f'<small class="bad">{error}</small>' if error else ""),
+            escaped(format_value(run.seed)),
+            *(escaped(format_value(own.get(column.key))) for column in judged_by),
+            str(len(run.epochs())),
+            f"{seconds / 60:.1f} min" if seconds else MISSING,
+            f"<code>{escaped(commit)}</code>{changed}",
+            " ".join(_link(sample, folder) for sample in run.samples()) or MISSING,
+        ]
+        lines.append(f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
+    return f"<h3>Runs</h3><section><table><tr>{heads}</tr>{''.join(lines)}</table></section>"
 
 
-def _link(sample: Path, run: Run, folder: Path) -> str:
-    relative = Path(os.path.relpath(sample, folder)).as_posix()
-    name = sample.relative_to(run.folder).with_suffix("").name
-    return f'<a href="{quote(relative)}">{html.escape(name)}</a>'
+def _link(sample: Path, folder: Path) -> str:
+    return f'<a href="{_address(sample, folder)}">{escaped(sample.stem)}</a>'
 
 
-def _error(run: Run, before: str) -> str:
-    error = run.values.get("error")
-    return f"{before}{str(error).splitlines()[0]}" if error else ""
+def _address(target: Path, folder: Path) -> str:
+    """A relative address from a page in a folder, as a quoted path without a scheme."""
+    try:
+        relative = target.absolute().relative_to(folder.absolute())
+    except ValueError:
+        # ways up are those of the folders that links stand for
+        relative = Path(os.path.relpath(target.resolve(), folder.resolve()))
+    return quote(os.fsencode(relative.as_posix()))
+
+
+def _reason(run: Run, before: str) -> str:
+    return f"{before}{format_value(run.error)}" if run.error else ""
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}…"
 
 
 def _count(number: int, noun: str) -> str:

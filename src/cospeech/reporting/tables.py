@@ -8,7 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from cospeech.reporting.markup import markdown, one_line
+
 MISSING = "\N{EN DASH}"
+_MOST_CHARACTERS = 300
 _ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 
 Direction = Literal["lower", "higher"] | None
@@ -92,7 +95,10 @@ def _decimals(value: float, significant: int) -> int:
 
 
 def format_value(value: Any) -> str:
-    """A cell's text: four significant digits, whole numbers whole, ``–`` for nothing."""
+    """A cell's text: four significant digits, whole numbers whole, ``–`` for nothing.
+
+    Texts are on one line, and cut after 300 characters.
+    """
     if value is None:
         return MISSING
     if isinstance(value, bool):
@@ -105,7 +111,8 @@ def format_value(value: Any) -> str:
         if abs(value) < 1e-4 or abs(value) >= 1e7:
             return f"{value:.3g}"
         return f"{value:.{_decimals(value, 4)}f}"
-    return str(value)
+    text = one_line(value)
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 1]}…"
 
 
 def format_table(
@@ -132,9 +139,10 @@ def format_table(
         and all(isinstance(row.get(column.key), (int, float, Summary, type(None))) for row in rows)
         for column in shown
     ]
-    headings = [column.heading for column in shown]
+    headings = [one_line(column.heading) for column in shown]
     if style == "markdown":
-        cells = [[cell.replace("|", r"\|").replace("\n", " ") for cell in row] for row in cells]
+        headings = [markdown(heading) for heading in headings]
+        cells = [[markdown(cell) for cell in row] for row in cells]
         rule = ["---:" if to_right else "---" for to_right in right]
         return "\n".join(f"| {' | '.join(line)} |" for line in (headings, rule, *cells))
     widths = [max(len(line[i]) for line in (headings, *cells)) for i in range(len(shown))]
@@ -165,9 +173,9 @@ def result_table(record: Mapping[str, Any], style: Literal["text", "markdown"] =
     for protocol in ("windows", "recordings"):
         values = _mapping(final.get(protocol))
         if values:
-            rows.append({"row": f"{record.get('model')} ({protocol})", **_with_interval(values)})
+            rows.append({"row": f"{record.get('model')} ({protocol})", **with_interval(values)})
     for name, values in _mapping(record.get("references")).items():
-        rows.append({"row": str(name).replace("_", " "), **_with_interval(_mapping(values))})
+        rows.append({"row": str(name).replace("_", " "), **with_interval(_mapping(values))})
     columns = [Column("row", " ")]
     for metric in METRICS:
         if any(row.get(metric.key) is not None for row in rows):
@@ -183,14 +191,15 @@ def result_table(record: Mapping[str, Any], style: Literal["text", "markdown"] =
     windows = _mapping(final.get("recordings")).get("windows")
     if windows is not None:
         facts.append(f"windows: {format_value(windows)}")
-    return f"{format_table(rows, columns, style)}\n\n{' · '.join(facts)}"
+    return f"{format_table(rows, columns, style)}\n\n{one_line(' · '.join(facts))}"
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _with_interval(values: Mapping[str, Any]) -> dict[str, Any]:
+def with_interval(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Final metrics or a reference row, with the FGD's interval as one text where it has one."""
     low, high = values.get("fgd_low"), values.get("fgd_high")
     if low is None or high is None:
         return dict(values)

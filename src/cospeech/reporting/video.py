@@ -149,7 +149,7 @@ def write_mp4(
         if code != 0:
             messages.seek(0)
             reason = messages.read().decode("utf-8", "replace").strip().splitlines()[-3:]
-            raise CospeechError(f"ffmpeg ended with code {code}: {' | '.join(reason)}")
+            raise CospeechError(f"{path}: ffmpeg ended with code {code}: {' | '.join(reason)}")
     return Path(path)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import itertools
 import math
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.reporting.chart import ticks
 from cospeech.reporting.corpus_report.totals import HandSpace
 from cospeech.reporting.figure import PART_COLOURS
+from cospeech.reporting.markup import escaped
 
 _WIDTH, _HEIGHT = 360, 178
 _LEFT, _RIGHT, _TOP, _BOTTOM = 14, 14, 16, 40
@@ -108,7 +108,7 @@ def histogram(
                 parts.append(
                     f'<rect class="{s.style}" x="{x + 0.4:.1f}" y="{min(top, floor - 0.7):.1f}"'
                     f' width="{max(slot - 0.8, 0.6):.1f}" height="{max(floor - top, 0.7):.1f}">'
-                    f"<title>{html.escape(f'{s.name}{text} {unit}: {round(count):,} {noun}')}"
+                    f"<title>{escaped(f'{s.name}{text} {unit}: {round(count):,} {noun}')}"
                     "</title></rect>"
                 )
         if len(series) > 1:
@@ -116,9 +116,9 @@ def histogram(
             parts.append(f'<path class="outline {s.style}" d="M{origin:.1f} {floor}{steps}"/>')
     parts.append(
         f'<path class="axis" d="M{_LEFT} {floor}H{_WIDTH - _RIGHT}"/>'
-        f'<text x="{_WIDTH / 2}" y="{_HEIGHT - 4}" text-anchor="middle">{html.escape(unit)}</text>'
+        f'<text x="{_WIDTH / 2}" y="{_HEIGHT - 4}" text-anchor="middle">{escaped(unit)}</text>'
         f'<text x="{_WIDTH - _RIGHT}" y="{_TOP - 5}" text-anchor="end">tallest bar:'
-        f" {round(tallest):,} {html.escape(noun if round(tallest) != 1 else noun[:-1])}</text>"
+        f" {round(tallest):,} {escaped(noun if round(tallest) != 1 else noun[:-1])}</text>"
     )
     if logarithmic:
         powers = range(math.ceil(places[0] - 1e-6), math.floor(places[-1] + 1e-6) + 1)
@@ -136,7 +136,7 @@ def histogram(
         parts.append(f'<path class="median" d="M{x_at(median):.1f} {_TOP - 2}V{floor}"/>')
     parts += [
         f'<path class="mark" d="M{x_at(value):.1f} {floor + 1}l-4 7h8z"><title>'
-        f"{html.escape(text)}</title></path>"
+        f"{escaped(text)}</title></path>"
         for value, text in marks
     ]
     return "".join(parts) + "</svg>"
@@ -162,9 +162,9 @@ def share_bars(shares: Sequence[tuple[str, float, str]]) -> str:
         y = row * i + 3
         length = room * share / most
         parts.append(
-            f'<text x="{left - 8}" y="{y + 13}" text-anchor="end">{html.escape(name)}</text>'
+            f'<text x="{left - 8}" y="{y + 13}" text-anchor="end">{escaped(name)}</text>'
             f'<rect class="bar" x="{left}" y="{y + 3}" width="{max(length, 0.5):.1f}" height="13"'
-            f' rx="2"/><text x="{left + length + 7:.1f}" y="{y + 13}">{html.escape(text)}</text>'
+            f' rx="2"/><text x="{left + length + 7:.1f}" y="{y + 13}">{escaped(text)}</text>'
         )
     return "".join(parts) + "</svg>"
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-
 import numpy as np
 
 from cospeech.corpus.store import Store
@@ -20,6 +18,7 @@ from cospeech.reporting.corpus_report.unusual import (
     unusual,
 )
 from cospeech.reporting.joint_names import FINGER, says, side_of
+from cospeech.reporting.markup import escaped
 from cospeech.reporting.tables import MISSING
 
 _SHOWN_UNUSUAL, _MOST_UNUSUAL = 15, 300
@@ -68,10 +67,10 @@ def _unusual_row(store: Store, one: Unusual, split: str) -> str:
     if one.fences is not None:
         low, high = one.fences.quartiles
         usual = f"{short(low)} to {short(high)}{unit}"
-    what = one.measure.title + (f"<small>{html.escape(one.note)}</small>" if one.note else "")
+    what = one.measure.title + (f"<small>{escaped(one.note)}</small>" if one.note else "")
     return (
-        f"<tr><td><code>{html.escape(stored.id)}</code></td>"
-        f"<td>{html.escape(stored.speaker)}<small>{html.escape(split)}</small></td>"
+        f"<tr><td><code>{escaped(stored.id)}</code></td>"
+        f"<td>{escaped(stored.speaker)}<small>{escaped(split)}</small></td>"
         f'<td>{what}</td><td class="number flag">{short(one.value)}{unit}</td>'
         f'<td class="number">{usual}</td></tr>'
     )
@@ -133,7 +132,7 @@ def _joint_table(store: Store, skeleton_index: int, totals: JointTotals) -> str:
             ]
         cells = [short(medians[j]), short(ends[j])]
         rows[says(joint, FINGER)].append(
-            f"<tr><td>{html.escape(joint)}</td>"
+            f"<tr><td>{escaped(joint)}</td>"
             f"<td>{range_bar(medians[j], ends[j], float(ends.max()), style)}</td>"
             + "".join(f'<td class="number">{cell}</td>' for cell in cells)
             + f"<td>{range_bar(lengths[j], lengths[j], float(lengths.max()), style)}</td>"
@@ -154,7 +153,7 @@ def _joint_table(store: Store, skeleton_index: int, totals: JointTotals) -> str:
         else ""
     )
     return (
-        f"<section><h3>{html.escape(skeleton.name)}<small>{len(skeleton)} joints,"
+        f"<section><h3>{escaped(skeleton.name)}<small>{len(skeleton)} joints,"
         f" {totals.recordings:,} recordings, {totals.frames:,} frames looked at</small></h3>"
         f"<table class='dense'>{head}{''.join(rows[False])}</table>{fingers}</section>"
     )
@@ -173,13 +172,13 @@ def words_section(store: Store, statistics: CorpusStatistics) -> str:
     order = np.argsort(-counts, kind="stable")
     order = order[counts[order] > 0]
     often = ", ".join(
-        f"{html.escape(store.vocabulary[int(i)])}&nbsp;<small class='inline muted'>"
+        f"{escaped(store.vocabulary[int(i)])}&nbsp;<small class='inline muted'>"
         f"{counts[i]:,}</small>"
         for i in order[:40]
     )
     once = order[counts[order] == 1]
     rare = ", ".join(
-        html.escape(store.vocabulary[int(i)]) for i in once[:: max(1, len(once) // 30)][:30]
+        escaped(store.vocabulary[int(i)]) for i in once[:: max(1, len(once) // 30)][:30]
     )
     transcribed = int(np.isfinite(statistics.measures["words_per_minute"]).sum())
     return (
@@ -210,8 +209,8 @@ def speakers_section(store: Store, statistics: CorpusStatistics) -> str:
             ),
         ]
         rows.append(
-            f"<tr><td>{html.escape(speaker.name)}</td>"
-            f"<td>{html.escape(', '.join(speaker.splits)) or MISSING}</td>"
+            f"<tr><td>{escaped(speaker.name)}</td>"
+            f"<td>{escaped(', '.join(speaker.splits)) or MISSING}</td>"
             f"<td>{range_bar(speaker.minutes, speaker.minutes, most, 'bar')}</td>"
             + "".join(f'<td class="number">{cell}</td>' for cell in cells)
             + "</tr>"

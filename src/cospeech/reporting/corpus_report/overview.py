@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import itertools
 from collections import Counter
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ import numpy as np
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.reporting.corpus_report.statistics import WINDOW_FRAMES, WINDOW_STRIDE
 from cospeech.reporting.corpus_report.totals import CorpusStatistics, SplitTotals
+from cospeech.reporting.markup import escaped
 from cospeech.reporting.tables import MISSING
 
 _MOST_REASONS = 200
@@ -51,7 +51,7 @@ def splits_section(store: Store, statistics: CorpusStatistics) -> str:
     rows = [*statistics.splits, statistics.total]
     lines = [
         f"<tr{' class=reference' if split is statistics.total else ''}>"
-        f"<td>{html.escape(split.name)}</td>"
+        f"<td>{escaped(split.name)}</td>"
         + "".join(f'<td class="number">{cell}</td>' for cell in _split_cells(split, hours))
         + "</tr>"
         for split in rows
@@ -72,7 +72,7 @@ def splits_section(store: Store, statistics: CorpusStatistics) -> str:
     }
     overlap = (
         "Speakers in both "
-        + "; ".join(f"{html.escape(pair)}: {count:,}" for pair, count in shared.items())
+        + "; ".join(f"{escaped(pair)}: {count:,}" for pair, count in shared.items())
         + "."
         if shared
         else "No speaker is in two splits."
@@ -117,7 +117,7 @@ def dropped_section(store: Store, total: SplitTotals) -> str:
     parts.append(_share_table("recordings", lines))
     if skipped:
         items = "".join(
-            f"<li><code>{html.escape(one['id'])}</code>: {html.escape(one['reason'])}</li>"
+            f"<li><code>{escaped(one['id'])}</code>: {escaped(one['reason'])}</li>"
             for one in sorted(skipped, key=lambda one: not one["is_fault"])[:_MOST_REASONS]
         )
         more = len(skipped) - _MOST_REASONS
@@ -140,7 +140,7 @@ def dropped_section(store: Store, total: SplitTotals) -> str:
 def _share_table(noun: str, lines: Sequence[tuple[str, int, str]]) -> str:
     whole = sum(count for _, count, _ in lines) or 1
     rows = "".join(
-        f"<tr><td>{html.escape(name)}</td>"
+        f"<tr><td>{escaped(name)}</td>"
         f'<td class="number {style}">{count:,}</td>'
         f'<td class="number">{100 * count / whole:.1f} %</td><td style="width:55%">'
         f'<svg viewBox="0 0 300 12" class="shares" preserveAspectRatio="none" height="12">'

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -26,7 +25,8 @@ from cospeech.reporting.corpus_report.listings import (
 from cospeech.reporting.corpus_report.overview import dropped_section, splits_section, tiles
 from cospeech.reporting.corpus_report.statistics import corpus_statistics
 from cospeech.reporting.corpus_report.windows import choose_windows, draw_window
-from cospeech.reporting.files import replacing
+from cospeech.reporting.files import write_text
+from cospeech.reporting.markup import escaped
 
 WINDOWS_DRAWN = 10
 
@@ -57,7 +57,7 @@ def write_corpus_report(store: Store, path: Path, seed: int = 0) -> None:
         ("made", "How it was made", _made(store)),
     ]
     links = "\n".join(f'<a href="#{key}">{title}</a>' for key, title, _ in sections)
-    name = html.escape(store.name)
+    name = escaped(store.name)
     body = [
         f"<h1>{name}</h1>",
         f'<p class="muted">{_subtitle(store)}</p>',
@@ -76,19 +76,17 @@ def write_corpus_report(store: Store, path: Path, seed: int = 0) -> None:
         + "\n".join(body)
         + "\n</body></html>\n"
     )
-    with replacing(path) as temporary:
-        # a lone surrogate of a damaged transcript must not cost the page
-        temporary.write_text(page, encoding="utf-8", errors="replace", newline="\n")
+    write_text(path, page)
 
 
 def _subtitle(store: Store) -> str:
     licences = sorted({recording.licence for recording in store.recordings} - {""})
     licence = ", ".join(licences[:3]) + (" ..." if len(licences) > 3 else "")
     return (
-        f"A prepared corpus: {html.escape(_rates(store))};"
-        f" {html.escape(_skeleton_names(store))}; licence:"
-        f" {html.escape(licence) or 'not stated'}; fingerprint"
-        f" <code>{html.escape(store.fingerprint[:12])}</code>"
+        f"A prepared corpus: {escaped(_rates(store))};"
+        f" {escaped(_skeleton_names(store))}; licence:"
+        f" {escaped(licence) or 'not stated'}; fingerprint"
+        f" <code>{escaped(store.fingerprint[:12])}</code>"
     )
 
 
@@ -125,7 +123,7 @@ def _windows(store: Store, drawn: Sequence[tuple[str, Span]], seed: int) -> str:
         start = span.start / EVALUATION_FPS
         length = (span.stop - span.start) / EVALUATION_FPS
         title = (
-            f"{html.escape(stored.id)}<small>{html.escape(stored.speaker)} · {html.escape(split)}"
+            f"{escaped(stored.id)}<small>{escaped(stored.speaker)} · {escaped(split)}"
             f" · from {int(start // 60)}:{start % 60:05.2f} for {length:.2f} s</small>"
         )
         picture = draw_window(store, span, scales[stored.skeleton])
@@ -165,9 +163,9 @@ def _made(store: Store) -> str:
         f"<dt>{key}</dt><dd>"
         + (
             f"<details><summary>what the fingerprint covers</summary><pre>"
-            f"{html.escape(value[:20_000])}</pre></details>"
+            f"{escaped(value[:20_000])}</pre></details>"
             if key == "settings"
-            else html.escape(value)
+            else escaped(value)
         )
         + "</dd>"
         for key, value in facts

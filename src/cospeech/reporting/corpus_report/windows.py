@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import itertools
 
 import numpy as np
@@ -23,6 +22,7 @@ from cospeech.reporting.corpus_report.figures import (
 from cospeech.reporting.corpus_report.statistics import WINDOW_FRAMES, window_starts
 from cospeech.reporting.figure import figure_of
 from cospeech.reporting.joint_names import wrists
+from cospeech.reporting.markup import escaped
 from cospeech.speech.speech import SAMPLE_RATE
 
 _WIDTH, _LEFT, _RIGHT = WINDOW_WIDTH, 46, 8
@@ -148,11 +148,11 @@ def _words(store: Store, span: Span, y: float, height: float) -> list[str]:
         fitting = int((right - left - 2) / (0.6 * size))
         shown = text if len(text) <= fitting else text[: max(fitting - 1, 0)] + "…"
         parts.append(
-            f"<g><title>{html.escape(text)}: {begin:.2f} to {end:.2f} s</title>"
+            f"<g><title>{escaped(text)}: {begin:.2f} to {end:.2f} s</title>"
             f'<rect class="word" x="{left:.1f}" y="{y:.1f}" width="{max(right - left, 1):.1f}"'
             f' height="{height}" rx="3"/><text class="said" x="{(left + right) / 2:.1f}"'
             f' y="{y + height / 2 + 4.5:.1f}" font-size="{size:.1f}" text-anchor="middle">'
-            f"{html.escape(shown)}</text></g>"
+            f"{escaped(shown)}</text></g>"
         )
     return parts
 

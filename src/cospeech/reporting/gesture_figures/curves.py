@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from cospeech.metrics.gesture_statistics.systems import REAL, SystemStatistics
 from cospeech.reporting.chart import ticks
 from cospeech.reporting.gesture_figures.looks import Look, centred_text, title_of
+from cospeech.reporting.markup import escaped
 
 _WIDTH, _HEIGHT = 1080, 420
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62, 286, 22, 46
@@ -100,7 +100,7 @@ def _line(
     bold = " bold" if system.name == REAL else ""
     first = (3 + 5 * place) % _MARK_EVERY
     marks = "".join(look.mark(*point) for point in points[first::_MARK_EVERY])
-    title = f"<title>{html.escape(title_of(system.name))}</title>"
+    title = f"<title>{escaped(title_of(system.name))}</title>"
     line = (
         f'<polyline class="line {look.style}{bold}" points="{path}"{_dash(look)}>{title}</polyline>'
     )
@@ -137,7 +137,7 @@ def _names(
             parts.append(f'<path class="marker {look.style}" d="{look.mark(x + _SAMPLE / 2, y)}"/>')
         parts.append(
             f'<text class="name" x="{x + _SAMPLE + 8}" y="{y + 4:.1f}">'
-            f"{html.escape(title_of(name))}</text>"
+            f"{escaped(title_of(name))}</text>"
         )
     return parts
 

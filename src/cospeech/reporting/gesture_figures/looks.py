@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from cospeech.reporting.markup import escaped
 
 _TITLES = {
     "full": "full model",
@@ -102,7 +103,7 @@ def lines_of(text: str, width: int) -> list[str]:
         if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
             lines.append("")
         lines[-1] = f"{lines[-1]} {word}".strip()
-    return [html.escape(line) for line in lines]
+    return [escaped(line) for line in lines]
 
 
 def centred_text(x: float, y: float, text: str, width: int, style: str = "") -> str:

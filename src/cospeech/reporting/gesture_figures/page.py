@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -11,7 +10,7 @@ from pathlib import Path
 from cospeech.metrics.gesture_statistics.findings import Verdict
 from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemStatistics
-from cospeech.reporting.files import replacing
+from cospeech.reporting.files import write_text
 from cospeech.reporting.gesture_figures.curves import range_chart, velocity_chart
 from cospeech.reporting.gesture_figures.looks import looks_of, title_of
 from cospeech.reporting.gesture_figures.phase_charts import (
@@ -26,6 +25,7 @@ from cospeech.reporting.gesture_figures.texts import (
     numbers_table,
     tally,
 )
+from cospeech.reporting.markup import escaped
 
 PAPER = "Ferstl, Neff and McDonnell 2020"
 
@@ -74,7 +74,7 @@ def write_gesture_figures(figures: GestureFigures, path: str | Path) -> Path:
         ("facts", "How it was made", _made(figures)),
     ]
     links = "\n".join(f'<a href="#{key}">{key}</a>' for key, _, _ in sections)
-    name = html.escape(figures.corpus)
+    name = escaped(figures.corpus)
     body = [
         f"<h1>How the systems gesture: {name}</h1>",
         f'<p class="muted">{_subtitle(figures)}</p>',
@@ -92,8 +92,7 @@ def write_gesture_figures(figures: GestureFigures, path: str | Path) -> Path:
         + "\n".join(body)
         + "\n</body></html>\n"
     )
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8", errors="replace", newline="\n")
+    write_text(path, page)
     return path
 
 
@@ -103,7 +102,7 @@ def _subtitle(figures: GestureFigures) -> str:
     counts = sorted({len(system.seeds) for system in trained})
     seeds = " to ".join(map(str, counts[:1] + counts[1:][-1:]))
     return (
-        f"The evaluation of {PAPER}, section 8, on the {html.escape(figures.split)} part:"
+        f"The evaluation of {PAPER}, section 8, on the {escaped(figures.split)} part:"
         f" {len(figures.systems) - 1} systems beside real motion, {windows} windows,"
         f" {'one training seed' if counts == [1] else f'{seeds} training seeds'} each"
     )
@@ -193,6 +192,6 @@ def _numbers(figures: GestureFigures) -> str:
 
 def _made(figures: GestureFigures) -> str:
     rows = "".join(
-        f"<dt>{html.escape(key)}</dt><dd>{html.escape(value)}</dd>" for key, value in figures.facts
+        f"<dt>{escaped(key)}</dt><dd>{escaped(value)}</dd>" for key, value in figures.facts
     )
     return f'<section><dl class="facts">{rows}</dl></section>'

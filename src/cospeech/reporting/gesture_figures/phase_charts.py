@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
 from cospeech.reporting.chart import ticks
 from cospeech.reporting.gesture_figures.looks import phase_style
+from cospeech.reporting.markup import escaped
 
 Row = tuple[str, PhaseStructure]
 """A system's title and its phases."""
@@ -27,7 +27,7 @@ def share_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
     for phase in classes:
         parts.append(
             f'<rect class="{phase_style(phase)}" x="{x:.1f}" y="4" width="13" height="13" rx="2"/>'
-            f'<text class="name" x="{x + 19:.1f}" y="15">{html.escape(phase.replace("_", " "))}'
+            f'<text class="name" x="{x + 19:.1f}" y="15">{escaped(phase.replace("_", " "))}'
             "</text>"
         )
         x += 40 + 7.2 * len(phase)
@@ -35,7 +35,7 @@ def share_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
         y = 28 + _ROW * i
         parts.append(
             f'<text class="name" x="{_LABEL - 10}" y="{y + 16}" text-anchor="end">'
-            f"{html.escape(title)}</text>"
+            f"{escaped(title)}</text>"
         )
         x = float(_LABEL)
         for phase, share in zip(classes, structure.shares, strict=True):
@@ -45,7 +45,7 @@ def share_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
             text = f"{100 * share:.0f}"
             parts.append(
                 f'<rect class="{phase_style(phase)}" x="{x:.1f}" y="{y}" width="{width:.1f}"'
-                f' height="{_ROW - 8}"><title>{html.escape(phase)}: {100 * share:.1f} %</title>'
+                f' height="{_ROW - 8}"><title>{escaped(phase)}: {100 * share:.1f} %</title>'
                 "</rect>"
             )
             if width > 26:
@@ -72,15 +72,14 @@ def duration_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
     for i, (title, _) in enumerate(rows):
         parts.append(
             f'<text class="name" x="{_LABEL - 10}" y="{26 + 24 * i + 15}" text-anchor="end">'
-            f"{html.escape(title)}</text>"
+            f"{escaped(title)}</text>"
         )
     for k, phase in enumerate(classes):
         left = _LABEL + k * (panel + gap)
         # room for the number to the right of the longest bar
         scale = (panel - 42) / longest
         parts.append(
-            f'<text class="name" x="{left:.1f}" y="15">{html.escape(phase.replace("_", " "))}'
-            "</text>"
+            f'<text class="name" x="{left:.1f}" y="15">{escaped(phase.replace("_", " "))}</text>'
         )
         for tick in ticks(0.0, float(longest), 3):
             x = left + tick * scale
@@ -128,9 +127,9 @@ def transition_matrices(rows: Sequence[Row], classes: Sequence[str]) -> str:
             short = name if len(name) <= 6 else f"{name[:5]}."
             parts.append(
                 f'<text x="{left + cell * (k + 0.5)}" y="{top - 9}" text-anchor="middle">'
-                f"{html.escape(short)}</text>"
+                f"{escaped(short)}</text>"
                 f'<text x="{left - 8}" y="{top + cell * (k + 0.5) + 4}" text-anchor="end">'
-                f"{html.escape(name)}</text>"
+                f"{escaped(name)}</text>"
             )
         for i, row in enumerate(structure.transitions):
             for j, share in enumerate(row):
@@ -143,12 +142,12 @@ def transition_matrices(rows: Sequence[Row], classes: Sequence[str]) -> str:
                     f'<rect class="cell" x="{x}" y="{y}" width="{cell - 2}" height="{cell - 2}"'
                     f' rx="3"/><rect class="heat" x="{x}" y="{y}" width="{cell - 2}"'
                     f' height="{cell - 2}" rx="3" fill-opacity="{strength:.3f}"><title>'
-                    f"{html.escape(names[i])} to {html.escape(names[j])}</title></rect>"
+                    f"{escaped(names[i])} to {escaped(names[j])}</title></rect>"
                     f'<text class="{ink}" x="{x + cell / 2 - 1}" y="{y + cell / 2 + 3}"'
                     f' text-anchor="middle">{text}</text>'
                 )
         panels.append(
-            f"<figure><figcaption><b>{html.escape(title)}</b></figcaption>{''.join(parts)}</svg>"
+            f"<figure><figcaption><b>{escaped(title)}</b></figcaption>{''.join(parts)}</svg>"
             "</figure>"
         )
     return f'<div class="matrices">{"".join(panels)}</div>'

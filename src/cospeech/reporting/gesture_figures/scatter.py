@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 
 import numpy as np
 
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemStatistics
 from cospeech.reporting.gesture_figures.looks import title_of
+from cospeech.reporting.markup import escaped
 
 _SCALE = 190.0
 _GRID = 0.25
@@ -49,7 +49,7 @@ def scatter_panels(systems: Sequence[SystemStatistics], setting: Setting) -> str
         note = f"{len(points)} poses" + (f", {outside} of them beyond" if outside else "")
         picture = _panel(points, pose, setting, low, high)
         panels.append(
-            f"<figure><figcaption><b>{html.escape(title_of(system.name))}</b>"
+            f"<figure><figcaption><b>{escaped(title_of(system.name))}</b>"
             f"<small>{note}</small></figcaption>{picture}</figure>"
         )
     legend = "".join(

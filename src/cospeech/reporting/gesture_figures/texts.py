@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import itertools
 from collections.abc import Sequence
 from typing import Any
@@ -19,6 +18,7 @@ from cospeech.metrics.gesture_statistics.findings import (
 )
 from cospeech.metrics.gesture_statistics.systems import REAL, SystemStatistics
 from cospeech.reporting.gesture_figures.looks import Look, shown, title_of
+from cospeech.reporting.markup import escaped
 from cospeech.reporting.tables import Column, format_table
 
 _SIGNS = {AGREES: "✓", PARTLY: "(✓)", UNCLEAR: "?", DISAGREES: "✗", None: "\N{EN DASH}"}
@@ -53,9 +53,9 @@ def findings_table(verdicts: Sequence[Verdict]) -> str:
     for verdict in verdicts:
         here = "".join(f"<li>{_comparison(group)}</li>" for group in _grouped(verdict.parts))
         missing = ", ".join(title_of(name) for name in verdict.missing)
-        note = f"<small>not run: {html.escape(missing)}</small>" if missing else ""
+        note = f"<small>not run: {escaped(missing)}</small>" if missing else ""
         rows.append(
-            f"<tr><td>{html.escape(verdict.finding.claim)}<small>section"
+            f"<tr><td>{escaped(verdict.finding.claim)}<small>section"
             f" {verdict.finding.section}</small></td><td><ul>{here}</ul>{note}</td>"
             f"<td>{chip(verdict)}</td></tr>"
         )
@@ -90,18 +90,18 @@ _TALLY = (
 def numbers_table(systems: Sequence[SystemStatistics], looks: dict[str, Look]) -> str:
     """Every statistic of every system with its interval, and the paper's order beside ours."""
     heads = "".join(
-        f'<th><i class="swatch {looks[s.name].style}"></i>{html.escape(title_of(s.name))}</th>'
+        f'<th><i class="swatch {looks[s.name].style}"></i>{escaped(title_of(s.name))}</th>'
         for s in systems
     )
     lines = []
     for statistic in _measured(systems):
         cells = "".join(_cell(system, statistic) for system in systems)
         paper = PAPER_ORDERS.get(statistic.key)
-        expected = f"<b>paper:</b> {html.escape(paper)}; " if paper else ""
+        expected = f"<b>paper:</b> {escaped(paper)}; " if paper else ""
         wide = f'<td colspan="{len(systems)}">'
         lines.append(
-            f'<tr class="title">{wide}<b>{html.escape(_heading(statistic))}</b>'
-            f" <span>{html.escape(statistic.meaning)}</span></td></tr>"
+            f'<tr class="title">{wide}<b>{escaped(_heading(statistic))}</b>'
+            f" <span>{escaped(statistic.meaning)}</span></td></tr>"
             f'<tr class="values">{cells}</tr>'
             f'<tr class="order">{wide}{expected}<b>here:</b> {_order(systems, statistic)}</td></tr>'
         )
@@ -114,7 +114,7 @@ def bones_table(
     bones: Sequence[tuple[int, int]],
 ) -> str:
     """Mean length and variation of each bone, as an HTML table."""
-    heads = "".join(f'<th class="number">{html.escape(title_of(s.name))}</th>' for s in systems)
+    heads = "".join(f'<th class="number">{escaped(title_of(s.name))}</th>' for s in systems)
     lines = []
     for i, (parent, child) in enumerate(bones):
         name = f"{roles[parent]} to {roles[child]}".replace("_", " ")
@@ -123,7 +123,7 @@ def bones_table(
             f"<small>{shown(100 * s.bones[i, 1], 2)} %</small></td>"
             for s in systems
         )
-        lines.append(f"<tr><td>{html.escape(name)}</td>{cells}</tr>")
+        lines.append(f"<tr><td>{escaped(name)}</td>{cells}</tr>")
     return f"<table><tr><th></th>{heads}</tr>{''.join(lines)}</table>"
 
 
@@ -169,10 +169,10 @@ def _order(systems: Sequence[SystemStatistics], statistic: Statistic) -> str:
     )
     if not names:
         return "\N{EN DASH}"
-    text = html.escape(names[0])
+    text = escaped(names[0])
     for larger, smaller in itertools.pairwise(names):
         alike = values[larger] <= _ALIKE * values[smaller]
-        text += f" {'≈' if alike else '&gt;'} {html.escape(smaller)}"
+        text += f" {'≈' if alike else '&gt;'} {escaped(smaller)}"
     return text
 
 
@@ -209,7 +209,7 @@ def _comparison(group: Sequence[Comparand]) -> str:
     )
     smaller, larger = (
         ", ".join(
-            f"{html.escape(name)} <b>{shown(statistic.factor * value)}</b>"
+            f"{escaped(name)} <b>{shown(statistic.factor * value)}</b>"
             for name, value in side.items()
         )
         for side in sides
@@ -220,7 +220,7 @@ def _comparison(group: Sequence[Comparand]) -> str:
     doubt = f' <span class="muted">({", ".join(doubts)})</span>' if doubts else ""
     wrong = "" if group[0].holds else ' class="wrong"'
     return (
-        f'<span class="muted">{html.escape(_heading(statistic))}:</span>'
+        f'<span class="muted">{escaped(_heading(statistic))}:</span>'
         f" <span{wrong}>{smaller} {sign} {multiple}{larger}</span>{doubt}"
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +15,8 @@ from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASES
 from cospeech.reporting.figure import PART_COLOURS, PARTS
-from cospeech.reporting.files import replacing
+from cospeech.reporting.files import write_text
+from cospeech.reporting.markup import escaped, plain
 from cospeech.reporting.player.encode import encode_audio, encode_tracks
 from cospeech.speech.speech import Speech
 
@@ -82,9 +82,10 @@ def script_safe_json(values: Any) -> str:
     """JSON that can stand inside a ``<script>`` element whatever the strings contain.
 
     ``<``, ``>``, ``&`` and the two line separators that end a line in JavaScript are written as
-    escapes; infinities and NaN, which JSON does not have, are refused.
+    escapes; what can't be shown is replaced; infinities and NaN, which JSON does not have, are
+    refused.
     """
-    text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = plain(json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return text
@@ -131,8 +132,8 @@ def write_player(
         ``path``.
 
     Raises:
-        CospeechError: No clips, a clip without tracks, motion that is empty or not finite, or
-            phase labels that do not fit.
+        CospeechError: No clips, a clip without tracks, motion that is empty or not finite, phase
+            labels that do not fit, or the file can't be written.
     """
     if not clips:
         raise CospeechError("no clips to show", "pass at least one PlayerClip")
@@ -148,11 +149,10 @@ def write_player(
     }
     page = _PAGE.format(
         hash=f"'sha256-{digest}'",
-        title=html.escape(title),
+        title=escaped(title),
         css=(assets / "player.css").read_text(encoding="utf-8"),
         data=script_safe_json(values),
         script=script,
     )
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8", newline="\n")
+    write_text(path, page)
     return Path(path)

@@ -11,6 +11,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.reporting.files import replacing
+from cospeech.reporting.markup import one_line
 from cospeech.studies.control_adherence.making import Values
 
 if TYPE_CHECKING:
@@ -77,7 +78,8 @@ def plot_adherence(panels: Sequence[Panel], fps: float, title: str, path: Path) 
     figure.legend(
         *axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=5, frameon=False
     )
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    # a corpus may be called anything: no name is a formula
+    figure.suptitle(one_line(title), x=0.01, ha="left", fontsize=12, parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix.removeprefix("."), dpi=160)
 

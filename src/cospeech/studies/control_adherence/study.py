@@ -14,7 +14,8 @@ from cospeech.corpus.store import Store
 from cospeech.matching.control import QUANTITIES
 from cospeech.matching.search import MatchingSearch
 from cospeech.methods.base import GestureMethod
-from cospeech.reporting.files import replacing
+from cospeech.reporting.files import write_text
+from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
 from cospeech.studies.control_adherence.asked import (
     ASKED,
@@ -108,8 +109,7 @@ def control_adherence(
         },
     }
     write_json(folder / "control_adherence.json", result)
-    with replacing(folder / "control_adherence.md") as path:
-        path.write_text(_page(facts, rows, changes, halves))
+    write_text(folder / "control_adherence.md", _page(facts, rows, changes, halves))
     picture = folder / "control_adherence.png"
     example = _example(made, fps)
     shown = f"{store.name}, {made.names[example]}: what was asked for, and what came"
@@ -163,7 +163,7 @@ def _page(
             "",
             "![over time](control_adherence.png)",
             "",
-            *(f"* {name}: {value}" for name, value in facts.items()),
+            *(f"* {markdown(name)}: {markdown(value)}" for name, value in facts.items()),
             "",
         ]
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from cospeech.errors import CospeechError
 from cospeech.reporting.files import replacing
+from cospeech.reporting.markup import one_line
 from cospeech.studies.synchrony.rows import LAGS_S, SynchronyRow
 
 if TYPE_CHECKING:
@@ -53,10 +54,12 @@ def plot_synchrony(rows: Sequence[SynchronyRow], lag_s: float, corpus: str, path
     axes[0, 1].set_yticks(range(len(rows)), [])
     axes[1, 0].set_ylabel("lift")
     figure.suptitle(
-        f"Beat consistency over chance on {corpus} (0: mismatched speech, 1: every beat met)",
+        f"Beat consistency over chance on {one_line(corpus)}"
+        " (0: mismatched speech, 1: every beat met)",
         x=0.01,
         ha="left",
         fontsize=12,
+        parse_math=False,  # a corpus may be called anything: no name is a formula
     )
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=160)

@@ -20,7 +20,8 @@ from cospeech.metrics.beat_consistency import BeatClip, MotionBeats, StressedSyl
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.motion.motion import Motion
 from cospeech.progress import progress_bar
-from cospeech.reporting.files import replacing
+from cospeech.reporting.files import write_text
+from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
 from cospeech.speech.speech import Speech
 from cospeech.studies.synchrony.picture import plot_synchrony
@@ -196,11 +197,12 @@ def _write(
     write_json(folder / "synchrony.json", result)
     picture = folder / "synchrony.png"
     plot_synchrony(rows, lag_s, f"{store.name}, {split}", picture)
-    with replacing(folder / "synchrony.md") as temporary:
-        temporary.write_text(
-            f"# Synchrony on {store.name}, {split}\n\n{tables(rows, result, 'markdown')}\n\n"
-            "![Lifts with intervals, and over the lag](synchrony.png)\n"
-        )
+    write_text(
+        folder / "synchrony.md",
+        f"# Synchrony on {markdown(store.name)}, {split}\n\n"
+        f"{tables(rows, result, 'markdown')}\n\n"
+        "![Lifts with intervals, and over the lag](synchrony.png)\n",
+    )
     print(tables(rows, result, "text"))
     print(f"\nfigure: {picture}")
     return result

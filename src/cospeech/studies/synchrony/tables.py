@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any, Literal
 
 from cospeech.metrics.beat_consistency import BeatConsistency, DirectedConsistency
+from cospeech.reporting.markup import markdown
 from cospeech.reporting.tables import Column, format_table, format_value
 from cospeech.studies.synchrony.picture import DIRECTIONS
 from cospeech.studies.synchrony.rows import LAGS_S, SynchronyRow
@@ -69,7 +70,7 @@ def tables(
         if row.at_lag.clips_without_motion_beats or row.at_lag.clips_without_audio_beats
     ]
     if style == "markdown":
-        notes = [f"* {note}" for note in notes]
+        notes = [f"* {markdown(note)}" for note in notes]
     return "\n\n".join([main, beats, "\n".join(notes)])
 
 

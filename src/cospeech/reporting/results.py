@@ -1,0 +1,110 @@
+"""The tables of results that the terminal and the page show alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cospeech.reporting.collect import PROTOCOLS, Group, Run, number
+from cospeech.reporting.tables import METRICS, Column, Summary, with_interval
+
+INTERVAL = Column("interval", "95 % over recordings")
+_MOST_OTHER_METRICS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What was measured on one corpus with one encoder.
+
+    Attributes:
+        title: Names both.
+        groups: Those with finished runs, in order.
+        columns: Of the table.
+        rows: A row per group and protocol, then the reference rows. Their ``group`` is that of
+            the row; None for a reference.
+    """
+
+    title: str
+    groups: Sequence[Group]
+    columns: Sequence[Column]
+    rows: Sequence[Mapping[str, Any]]
+
+
+def results_of(groups: Iterable[Group]) -> list[Results]:
+    """The results of finished runs that are no debug runs, one table per corpus and encoder."""
+    spaces: dict[tuple[str | None, str | None], list[Group]] = {}
+    for group in groups:
+        if group.runs and not group.is_debug:
+            spaces.setdefault(group.space, []).append(group)
+    return [_results(alike) for alike in spaces.values()]
+
+
+def _results(groups: Sequence[Group]) -> Results:
+    runs = [run for group in groups for run in group.runs]
+    metrics = [m for m in METRICS if any(_has(run, m.key) for run in runs)] or _others(runs)
+    rows = [
+        _row(group, protocol, metrics)
+        for protocol in PROTOCOLS
+        for group in groups
+        if any(run.final(protocol) for run in group.runs)
+    ]
+    # all runs of a corpus and an encoder have the same ones, or an older code's
+    newest = max(runs, key=lambda run: (bool(run.mapping("references")), _finished(run)))
+    for name, values in newest.mapping("references").items():
+        values = values or {}
+        shown = {metric.key: number(values.get(metric.key)) for metric in METRICS}
+        interval = with_interval(values).get("interval")
+        label = name.replace("_", " ")
+        rows.append({"label": label, "protocol": "reference", **shown, "interval": interval})
+    metrics = [m for m in METRICS if any(row.get(m.key) is not None for row in rows)] or metrics
+    columns = [Column("label", " "), Column("protocol"), Column("runs")]
+    for metric in metrics:
+        columns.append(metric)
+        if metric.key == "fgd" and any(row.get("interval") is not None for row in rows):
+            columns.append(INTERVAL)
+    return Results(_title(groups), groups, columns, rows)
+
+
+def _row(group: Group, protocol: str, metrics: Sequence[Column]) -> dict[str, Any]:
+    """Seeds have a deviation; a single run has the interval that its own table has."""
+    values: dict[str, Summary | None] = {m.key: group.summary(protocol, m.key) for m in metrics}
+    one = group.runs[0].final(protocol) if len(group.runs) == 1 else {}
+    return {
+        "label": group.label,
+        "protocol": protocol,
+        "runs": len(group.runs),
+        **values,
+        "interval": with_interval(one).get("interval"),
+        "group": group,
+    }
+
+
+def _has(run: Run, metric: str) -> bool:
+    return any(run.final(protocol).get(metric) is not None for protocol in PROTOCOLS)
+
+
+def _others(runs: Sequence[Run]) -> list[Column]:
+    """What a method without gestures is judged by: whatever its records hold."""
+    keys = dict.fromkeys(
+        key
+        for run in runs
+        for protocol in PROTOCOLS
+        for key, value in run.final(protocol).items()
+        if number(value) is not None
+    )
+    return [Column(key) for key in list(keys)[:_MOST_OTHER_METRICS]]
+
+
+def _finished(run: Run) -> str:
+    return str(run.values.get("finished") or "")
+
+
+def _title(groups: Sequence[Group]) -> str:
+    first = groups[0]
+    fingerprint, sha256 = first.space
+    corpus = f"Corpus {first.data}" + (f" {fingerprint[:12]}" if fingerprint else "")
+    if sha256 is None:
+        return corpus
+    name = first.runs[0].mapping("encoder").get("name") or ""
+    return f"{corpus} · encoder {name} {sha256[:12]}".replace("  ", " ")

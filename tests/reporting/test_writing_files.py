@@ -1,0 +1,120 @@
+"""Files that can't be written: one line that names them, the old file whole, nothing left over."""
+
+import errno
+import json
+import os
+import resource
+
+import numpy as np
+import pytest
+
+from cospeech.errors import CospeechError
+from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.reporting.collect import collect
+from cospeech.reporting.files import replacing, write_text
+from cospeech.reporting.player import PlayerClip, write_player
+from cospeech.reporting.record import RunRecord, write_json
+from cospeech.reporting.report import write_report
+from cospeech.speech.speech import SAMPLE_RATE, Speech
+from tests.corpora import REST_POSE
+from tests.reporting.records import record
+
+
+@pytest.fixture
+def small_files():
+    """No file may grow beyond 4 KB, as on a disk with no more room."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def player(path):
+    motion = Motion(UPPER_BODY, 15.0, np.repeat(REST_POSE[None], 30, axis=0))
+    clip = PlayerClip("a", {"a": motion}, Speech(np.zeros(SAMPLE_RATE, np.float32)))
+    return write_player(path, [clip], "a")
+
+
+def report(path):
+    runs = path.parent / "runs"
+    if not runs.exists():
+        runs.mkdir()
+        record(runs)
+    return write_report(collect(runs), path)
+
+
+WRITERS = {
+    "text": lambda path: write_text(path, "x" * 10_000),
+    "json": lambda path: write_json(path, {"x": "x" * 10_000}),
+    "player": player,
+    "report": report,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_without_room_the_old_file_stays_and_is_named(name, tmp_path, request):
+    path = tmp_path / "made.html"
+    WRITERS[name](path)
+    path.write_text("old")
+    before = sorted(tmp_path.rglob("*"))
+    request.getfixturevalue("small_files")
+    with pytest.raises(CospeechError) as raised:
+        WRITERS[name](path)
+    assert str(raised.value).startswith(f"{path}: can't be written (File too large)\n")
+    assert path.read_text() == "old"
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("code", "reason", "hint"),
+    [
+        (errno.ENOSPC, "No space left on device", "make room there"),
+        (errno.EROFS, "Read-only file system", "can be written to"),
+        (errno.EACCES, "Permission denied", "can be written to"),
+    ],
+)
+def test_the_reason_and_the_next_step_are_said(code, reason, hint, tmp_path, monkeypatch):
+    def refuse(*args, **kwargs):
+        raise OSError(code, os.strerror(code), str(tmp_path / "temporary"))
+
+    monkeypatch.setattr("cospeech.reporting.files.tempfile.mkstemp", refuse)
+    with pytest.raises(CospeechError) as raised:
+        write_text(tmp_path / "page.html", "text")
+    problem, advice = str(raised.value).split("\n")
+    assert problem == f"{tmp_path / 'page.html'}: can't be written ({reason})"
+    assert hint in advice
+
+
+def test_a_parent_that_is_a_file_and_a_target_that_is_a_folder_are_named(tmp_path):
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "folder").mkdir()
+    for path in (tmp_path / "file" / "page.html", tmp_path / "folder"):
+        with pytest.raises(CospeechError, match="can't be written"):
+            write_text(path, "text")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_what_else_goes_wrong_inside_goes_on_up(tmp_path):
+    with pytest.raises(ZeroDivisionError), replacing(tmp_path / "a"):
+        _ = 1 / 0
+    other = r"a: can't be written \(No such .*: .*other\.wav\)"
+    with pytest.raises(CospeechError, match=other), replacing(tmp_path / "a"):
+        (tmp_path / "other.wav").read_bytes()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_as_long_as_names_can_be(tmp_path):
+    path = tmp_path / ("n" * 250 + ".html")
+    write_text(path, "text")
+    assert path.read_text() == "text"
+
+
+def test_a_record_that_cannot_be_written_keeps_its_last_state(tmp_path, request):
+    path = tmp_path / "run" / "record.json"
+    kept = RunRecord(path, {"id": "a", "config": {}})
+    request.getfixturevalue("small_files")
+    with pytest.raises(CospeechError, match=r"record\.json: can't be written"):
+        kept.update(error="x" * 10_000)
+    assert json.loads(path.read_text())["error"] is None
+    assert [found.name for found in path.parent.iterdir()] == ["record.json"]
