@@ -47,14 +47,20 @@ class Outputs:
         self.audio = folder / "speech.wav"
         save_wav(self.audio, make_recording("a", seconds=3).speech.waveform)
 
-    def run(self, model: str = "trimodal", name: str = "run", stage: str | None = None) -> Path:
+    def run(
+        self,
+        model: str = "trimodal",
+        name: str = "run",
+        stage: str | None = None,
+        below: str = "runs",
+    ) -> Path:
         """A finished run of a method."""
         kind, arguments = METHODS[model]
         torch.manual_seed(0)
         method = kind(self.facts, **arguments)
         if stage is not None:
             method.progress = type(method.progress)(stage)
-        folder = self.folder / "runs" / name
+        folder = self.folder / below / name
         (folder / "checkpoints").mkdir(parents=True)
         for checkpoint in ("best", "last"):
             save_checkpoint(method, folder / "checkpoints" / f"{checkpoint}.ckpt")

@@ -23,7 +23,7 @@ from torch import Tensor, nn
 
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError, CospeechError, InputFileError
-from cospeech.experiment.known_parts import KnownPart, known_parts
+from cospeech.experiment.known_parts import KnownPart, known_part, names_of
 from cospeech.experiment.plain_arguments import (
     argument_names,
     require_arguments,
@@ -183,7 +183,7 @@ class FinishedRun:
         """
         store = self.find_store(folders)
         if store is None:
-            settings = " ".join([f"data={self._corpus.name}", *self._data_settings()])
+            settings = " ".join([f"data={self.data}", *self._data_settings()])
             raise ConfigError(
                 f"run={self.folder}: its prepared corpus isn't here any more"
                 f" (fingerprint {(self.fingerprint or 'unknown')[:12]})",
@@ -280,16 +280,20 @@ def _checked(folder: Path, values: Any, checkpoint: str) -> FinishedRun:
 
 
 def _part(values: dict[str, Any], group: str, name: str) -> KnownPart:
-    """Take the class's name out of the values and look it up."""
-    target, known = values.pop("_target_", None), known_parts(group)
-    found = [part for part in known if part.target == target]
-    if not found:
+    """Take the class's name out of the values; it has to be the one that the group's yaml names."""
+    target, known = values.pop("_target_", None), known_part(group, name)
+    if known is None:
         raise CospeechError(
-            f"config.{group}._target_={str(target)[:80]!r} is not among what {group}= offers",
-            f"there are {', '.join(sorted(part.name for part in known))}; a class of your own"
-            f" needs its yaml in conf/{group}",
+            f"{group}={name} is not offered here",
+            f"there are {', '.join(names_of(group))}; one of your own needs its yaml in"
+            f" conf/{group}",
         )
-    return next((part for part in found if part.name == name), found[0])
+    if target != known.target:
+        raise CospeechError(
+            f"config.{group}._target_={str(target)[:80]!r} is not {known.target}, which"
+            f" {group}={name} names"
+        )
+    return known
 
 
 @contextmanager

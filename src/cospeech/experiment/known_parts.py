@@ -11,6 +11,7 @@ from typing import Any
 
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.object_type import ObjectType
+from hydra.plugins.config_source import ConfigSource
 from omegaconf import OmegaConf
 
 BASE = "base"
@@ -32,26 +33,33 @@ class KnownPart:
     values: dict[str, Any]
 
 
-def known_parts(group: str) -> list[KnownPart]:
-    """Every yaml of a group that names a class, on the search path of the running command.
+def names_of(group: str) -> list[str]:
+    """What a group offers, on the search path of the running command.
 
     That search path is the project's ``conf`` and what the user adds to it (``--config-dir``).
 
     Args:
         group: ``"model"`` or ``"data"``.
     """
-    base: dict[str, Any] = {}
-    found: list[KnownPart] = []
-    for source in GlobalHydra.instance().config_loader().get_sources():
-        if not source.available() or not source.is_group(group):
-            continue
-        for name in source.list(group, ObjectType.CONFIG):
-            values: Any = OmegaConf.to_container(source.load_config(f"{group}/{name}").config)
-            values = values.get(group, values)  # a yaml of the global package says its group
-            target = values.pop("_target_", None)
-            values.pop("defaults", None)
-            if name == BASE:
-                base = values
-            elif target is not None:
-                found.append(KnownPart(name, target, values))
-    return [KnownPart(part.name, part.target, base | part.values) for part in found]
+    return sorted({name for _, name in _offered(group)} - {BASE})
+
+
+def known_part(group: str, name: str) -> KnownPart | None:
+    """A yaml of a group; None where the group has none of this name, or it is of no class."""
+    values: dict[str, Any] = {}
+    for source, offered in sorted(_offered(group), key=lambda pair: pair[1] != BASE):
+        if offered in (BASE, name):
+            config: Any = OmegaConf.to_container(source.load_config(f"{group}/{offered}").config)
+            values |= config.get(group, config)  # a yaml of the global package says its group
+    target = values.pop("_target_", None)
+    values.pop("defaults", None)
+    return None if target is None else KnownPart(name, target, values)
+
+
+def _offered(group: str) -> list[tuple[ConfigSource, str]]:
+    return [
+        (source, name)
+        for source in GlobalHydra.instance().config_loader().get_sources()
+        if source.available() and source.is_group(group)
+        for name in source.list(group, ObjectType.CONFIG)
+    ]
