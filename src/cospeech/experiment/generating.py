@@ -97,7 +97,7 @@ def _written(motion: Motion, speech: Speech, folder: Path, name: str, seconds: f
 
 
 def _method(cfg: DictConfig) -> GestureMethod:
-    run = open_run(cfg.run, cfg.checkpoint)
+    run = open_run(str(cfg.run), cfg.checkpoint)
     given = {} if cfg.database is None else {"database": to_absolute_path(cfg.database)}
     # Motion is searched beside the corpus.
     searches = run.takes("database")

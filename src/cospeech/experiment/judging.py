@@ -143,6 +143,6 @@ def _study(cfg: DictConfig, folder: Path) -> Any:
 
 def _finished(cfg: DictConfig) -> tuple[FinishedRun, Store, GestureMethod]:
     """The run, corpus and trained method of ``cfg.run``."""
-    run = open_run(cfg.run, cfg.checkpoint)
+    run = open_run(str(cfg.run), cfg.checkpoint)
     store = corpus_of(run, cfg)
     return run, store, run.load(store)

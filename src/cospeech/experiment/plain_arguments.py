@@ -98,7 +98,8 @@ def _fits(value: Any, hint: Any) -> bool:
     if is_typeddict(hint):
         hints = get_type_hints(hint)
         return isinstance(value, Mapping) and all(
-            name in value and _fits(value[name], wanted) for name, wanted in hints.items()
+            _fits(value[name], wanted) if name in value else name not in hint.__required_keys__
+            for name, wanted in hints.items()
         )
     if origin is tuple:
         if not isinstance(value, list | tuple):
