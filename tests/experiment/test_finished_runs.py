@@ -2,12 +2,13 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.experiment import evaluate, generate, generating
+from cospeech.experiment import evaluate, generate, generating, judging_again
 from cospeech.experiment.finished_run import open_run
 from cospeech.methods.base import HasSchedule
 from tests.corpora import make_recording
@@ -160,3 +161,18 @@ def test_an_encoder_that_is_gone_is_not_trained_for_as_long_as_a_record_says(
 def test_a_study_of_a_corpus_takes_no_run(outputs, run, tmp_path):
     with pytest.raises(ConfigError, match="this study is of a corpus"):
         judged(outputs, run, tmp_path, "study=fgd_noise")
+
+
+def test_a_corpus_that_is_given_has_to_be_the_runs(outputs, run, tmp_path, monkeypatch):
+    typed = ["run=x", "data=mocap", "+data.root=a", "data.store_dir=b", "metrics.encoder=c"]
+    monkeypatch.setattr(judging_again, "_overrides", lambda: typed)
+    assert judging_again.given("data", "store_dir") == ["data=mocap", "+data.root=a"]
+    assert judging_again.given("metrics") == ["metrics.encoder=c"]
+    assert judging_again.given("dat") == []
+    other = SimpleNamespace(prepare_store=lambda: SimpleNamespace(fingerprint=64 * "1"))
+    monkeypatch.setattr(judging_again, "build", lambda _: other)
+    with pytest.raises(
+        ConfigError, match=r"data=mocap .*: that isn't the corpus of run="
+    ) as caught:
+        judged(outputs, run, tmp_path)
+    assert "leave data out" in caught.value.hint
