@@ -70,6 +70,11 @@ def _kept(path: Path) -> GestureEncoder | None:
         return None
 
 
+def is_kept(store: Store, epochs: int, seed: int) -> bool:
+    """Whether the store has an encoder of these epochs and seed, so that none is to be trained."""
+    return _path(store, epochs, seed).is_file()
+
+
 def keep_encoder(store: Store, encoder: GestureEncoder, epochs: int, seed: int) -> Path:
     """Make an explicitly trained encoder the store's own for these epochs and seed."""
     path = _path(store, epochs, seed)

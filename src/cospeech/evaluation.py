@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import Store
+from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.foreign import read_json, understood
 from cospeech.methods.base import GestureMethod
@@ -50,11 +50,32 @@ def real_windows(store: Store, spans: list[Span]) -> tuple[Tensor, list[str]]:
     names = columns["speaker" if are_samples and len(store.speaker_ids) > 1 else "id"]
     ids = [names[span.recording] for span, cut in zip(spans, windows, strict=True) for _ in cut]
     if not ids:
-        raise CospeechError(
-            f"{store.name}: no stretch of the split is as long as an evaluation window (2.3 s)",
-            "use longer recordings, or raise data.val_share and data.test_share",
-        )
+        raise _too_little(store, spans, 0)
     return torch.cat(windows), ids
+
+
+def _judged_windows(store: Store, spans: list[Span]) -> tuple[Tensor, list[str]]:
+    """As `real_windows`, of what is judged on: two or more, or there is no distribution.
+
+    Raises:
+        CospeechError: There are fewer.
+    """
+    windows, ids = real_windows(store, spans)
+    if len(windows) < 2:
+        raise _too_little(store, spans, len(windows))
+    return windows, ids
+
+
+def _too_little(store: Store, spans: list[Span], windows: int) -> CospeechError:
+    lengths = [(span.stop - span.start) / EVALUATION_FPS for span in spans]
+    longest = f", the longest of {max(lengths):.2f} s" if lengths else ""
+    seconds = protocol.EVALUATION_FRAMES / EVALUATION_FPS
+    return CospeechError(
+        f"{store.name}: {len(spans)} recordings to judge on{longest}, hold {windows} evaluation"
+        f" windows of {seconds:.2f} s, and judging takes two or more",
+        "add recordings or longer ones; raise data.val_share and data.test_share; or, with a"
+        " handful of long takes, data.split=time_blocks",
+    )
 
 
 def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int) -> References:
@@ -71,7 +92,7 @@ def reference_rows(store: Store, encoder: GestureEncoder, split: str, seed: int)
     kept = read_rows(path)
     if kept is not None:
         return kept
-    real, ids = real_windows(store, store.splits[split])
+    real, ids = _judged_windows(store, store.splits[split])
     train = (real_windows(store, spans)[0] for spans in _groups(_long_enough(store, "train")))
     rows = protocol.reference_rows(encoder, train, real, ids, seed)
     write_json(path, rows)
@@ -145,8 +166,11 @@ def evaluate_recordings(
     Raises:
         CospeechError: No recording of the split has sound and the length of a window.
     """
-    spans = store.spans_with_sound(_long_enough(store, split), f"{split} recordings")[:limit]
-    real, ids = real_windows(store, spans)
+    spans = _long_enough(store, split)
+    if not spans:
+        raise _too_little(store, store.splits[split], 0)
+    spans = store.spans_with_sound(spans, f"{split} recordings")[:limit]
+    real, ids = _judged_windows(store, spans)
     generated = []
     training = method.training
     method.eval()

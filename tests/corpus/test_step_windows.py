@@ -101,8 +101,9 @@ def test_too_short_a_split_says_what_to_change(store):
 
 def test_what_the_corpus_lacks_is_named(tmp_path):
     store = make_store(tmp_path, [make_recording(f"t{i}", seconds=12) for i in range(3)])
-    with pytest.raises(ConfigError, match="no train recording has gesture phases"):
+    with pytest.raises(ConfigError, match="no train recording has gesture phases") as caught:
         StepWindows(store, "train", SPEC, ALL, every_interleave=True)
+    assert "model.classifier=FILE" in caught.value.hint
     windows = StepWindows(store, "train", SPEC, ALL - {"phases"}, every_interleave=True)
     assert windows.batch([0]).joints.shape == (2, 100, 8, 3)  # no fingers, two spine joints
 

@@ -2,26 +2,31 @@
 
 import copy
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from cospeech.errors import ConfigError
 from cospeech.experiment.comparing import _require_one_study
-from cospeech.reporting.collect import Run
 
 CONFIG = {
     "model": {"learning_rate": 1e-4, "products_dir": "a"},
     "training": {"batch_size": 8},
-    "choices": {"experiment": "quick"},
 }
 
 
 def run(folder, ablation, seed, **changes):
     config = copy.deepcopy(CONFIG)
-    for name, value in changes.items():
-        part = "choices" if name == "experiment" else "model"
-        config[part][name] = value
-    return Run(Path(folder), {"ablation": ablation, "seed": seed, "config": config})
+    experiment = changes.pop("experiment", "quick")
+    config["model"] |= changes
+    return SimpleNamespace(
+        folder=Path(folder),
+        ablation=ablation,
+        seed=seed,
+        config=config,
+        experiment=experiment,
+        method=object,
+    )
 
 
 def test_ablations_and_seeds_may_differ():

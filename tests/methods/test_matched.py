@@ -108,11 +108,12 @@ def test_the_seam_is_that_of_the_samples(store):
     assert method.seam() == pytest.approx(expected)
 
 
-def test_a_store_that_was_moved_is_found_beside(store, tmp_path):
+def test_a_store_that_was_moved_is_named(store, tmp_path):
     method = MotionMatching(store.facts(), chunk_frames=32)
     (tmp_path / "moved").mkdir()
+    facts = store.facts()
     shutil.move(store.path, tmp_path / "moved" / store.path.name)
     with pytest.raises(CospeechError, match=r"is gone.*\n?.*database=DIR for generate.py"):
         method.database  # noqa: B018
-    method.look_for_store([tmp_path / "nothing", tmp_path / "moved"])
-    assert len(method.database) > 0
+    moved = {**facts, "store": str(tmp_path / "moved" / store.path.name)}
+    assert len(MotionMatching(moved, chunk_frames=32).database) > 0

@@ -307,9 +307,17 @@ def test_other_files_are_refused(tmp_path):
     path.write_bytes(b"not a checkpoint")
     with pytest.raises(InputFileError, match="read safely"):
         FrozenPhaseClassifier.load(path)
-    torch.save({"format": "something else"}, path)
-    with pytest.raises(InputFileError, match="not a phase classifier"):
-        FrozenPhaseClassifier.load(path)
+    for content, told in (
+        ({"format": "something else"}, "not a phase classifier but a file of the kind something"),
+        ({"state_dict": {}}, "not a phase classifier but the checkpoint of a training"),
+        ({"format": "product", "stage": "pretraining"}, "but what the stage pretraining of a"),
+        ({"format": 3, "stage": [3]}, r"but what the stage \[3\] of a training left"),
+        ({}, "not a phase classifier"),
+    ):
+        torch.save(content, path)
+        with pytest.raises(InputFileError, match=told) as caught:
+            FrozenPhaseClassifier.load(path)
+        assert "phase_classifier.pt in the folder of a run" in str(caught.value)
     torch.save(make_classifier, path)  # a pickled function
     with pytest.raises(InputFileError, match="read safely"):
         FrozenPhaseClassifier.load(path)

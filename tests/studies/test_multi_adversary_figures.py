@@ -70,7 +70,9 @@ class Scaled(GestureMethod):
     """Real motion, larger or smaller around the mean pose, its joints in another order."""
 
     window = WindowSpec(20.0, 100, 0, 100)
-    border_frames = 100
+
+    def border_frames(self):
+        return 100
 
     def __init__(self, held_out, size, frames_short=0):
         super().__init__()

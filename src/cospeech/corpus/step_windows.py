@@ -239,8 +239,10 @@ def _with_phases(store: Store, split: str, spans: Sequence[Span]) -> list[Span]:
     if spans and not annotated:
         raise ConfigError(
             f"{store.name}: no {split} recording has gesture phases",
-            "use a corpus with annotated phases (data=synthetic, data=uci_phases), or give the"
-            " method a classifier trained on one",
+            "use a corpus with annotated phases (data=synthetic, data=uci_phases); or, for"
+            " model=multi_adversary, give a classifier that was trained on one:"
+            " model.classifier=FILE, the phase_classifier.pt in the folder of a run of"
+            " model=phase_classifier",
         )
     return annotated
 

@@ -42,6 +42,11 @@ class WindowSpec:
         return round(self.frames / self.fps * SAMPLE_RATE)
 
 
+def _told(spans: Sequence[Span]) -> str:
+    lengths = [(span.stop - span.start) / EVALUATION_FPS for span in spans]
+    return f"{len(spans)}, the longest of {max(lengths):.2f} s" if lengths else "none"
+
+
 class WindowDataset:
     """The fixed list of windows of one split; a window never leaves its span.
 
@@ -79,8 +84,9 @@ class WindowDataset:
         if not len(self.windows):
             raise CospeechError(
                 f"{store.name}: no {split} recording holds a window of {spec.frames} frames"
-                f" ({spec.frames / spec.fps:.2f} s)",
-                "use longer recordings, or raise the split's share",
+                f" ({spec.frames / spec.fps:.2f} s); there are {_told(spans)}",
+                "add longer recordings; raise data.val_share and data.test_share where that is a"
+                " small part; or, with a handful of long takes, data.split=time_blocks",
             )
         if "words" in needs:
             self._word_rows = self._find_words()

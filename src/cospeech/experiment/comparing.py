@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from hydra.utils import get_class
 from omegaconf import DictConfig, OmegaConf
 
-from cospeech.errors import ConfigError
-from cospeech.experiment.building import build, chosen_encoder, require_same
-from cospeech.methods.base import GestureMethod
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.experiment.building import build, require_same
+from cospeech.experiment.finished_run import CHECKPOINTS, FinishedRun, open_run
+from cospeech.experiment.judging_again import corpus_of, encoder_of
+from cospeech.methods.base import HasSchedule
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
-from cospeech.reporting.collect import Run, collect
-from cospeech.studies.gestures.systems import TrainedSystem
+from cospeech.reporting.collect import collect
+from cospeech.studies.gestures.systems import MakesJoints, TrainedSystem
+
+logger = logging.getLogger(__name__)
 
 
 def compare_runs(cfg: DictConfig, folder: Path) -> Any:
@@ -31,32 +35,28 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
     """
     if OmegaConf.is_missing(cfg, "runs"):
         raise ConfigError("runs is not set", "add runs=DIR, a folder with finished runs below it")
-    if cfg.checkpoint not in ("best", "last"):
-        raise ConfigError(f"checkpoint={cfg.checkpoint!r} is not one of best, last")
-    file = Path("checkpoints") / f"{cfg.checkpoint}.ckpt"
-    found = collect(cfg.runs).runs
-    runs = [run for run in found if run.status == "ok" and (run.folder / file).is_file()]
-    makers = [run for run in runs if hasattr(_method(run), "sample_joints")]
+    if cfg.checkpoint not in CHECKPOINTS:
+        raise ConfigError(f"checkpoint={cfg.checkpoint!r} is not one of {', '.join(CHECKPOINTS)}")
+    runs = _finished_below(cfg.runs, cfg.checkpoint)
+    makers = [run for run in runs if issubclass(run.method, MakesJoints)]
     if not makers:
         raise ConfigError(
             f"runs={cfg.runs}: of {len(runs)} finished runs none makes gesturing joints",
             "train some first: python train.py study=multi_adversary_ablations",
         )
     _require_one_study(makers)
-    store = build(OmegaConf.create(makers[0].values["config"]["data"])).prepare_store()
-    encoder = chosen_encoder(store, cfg.metrics)
+    store = corpus_of(makers[0], cfg)
+    encoder, _ = encoder_of(makers[0], cfg, store)
     systems: list[TrainedSystem] = []
     for run in makers:
-        require_same(run.values["data_fingerprint"], store.fingerprint, f"{run.folder}: the corpus")
-        model = _method(run).load_from_checkpoint(
-            run.folder / file, map_location="cpu", weights_only=True
-        )
-        if cfg.checkpoint == "last" and getattr(model, "steps_left", 0):
+        require_same(run.fingerprint, store.fingerprint, f"{run.folder}: the corpus")
+        model = run.load(store)
+        if cfg.checkpoint == "last" and isinstance(model, HasSchedule) and model.steps_left:
             raise ConfigError(
                 f"{run.folder}: {model.steps_left} steps of its schedule are left",
                 "train it to its end (ckpt_path=last), or say checkpoint=best",
             )
-        systems.append(TrainedSystem(_name(run), int(run.values["seed"]), model))
+        systems.append(TrainedSystem(_name(run), run.seed, model))
     classifier, judge = _phase_judge(cfg.classifier, systems)
     return build(cfg.study_task)(
         store=store,
@@ -71,6 +71,20 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
             ("phases judged by", judge),
         ],
     )
+
+
+def _finished_below(folder: str, checkpoint: str) -> list[FinishedRun]:
+    """The finished runs below a folder; those that can't be used are named in warnings."""
+    found = []
+    for listed in collect(folder).runs:
+        if listed.status != "ok":
+            logger.warning("%s is left out: %s", listed.folder, listed.status)
+            continue
+        try:
+            found.append(open_run(listed.folder, checkpoint))
+        except CospeechError as error:
+            logger.warning("%s is left out: %s", listed.folder, error)
+    return found
 
 
 def _phase_judge(
@@ -90,11 +104,11 @@ def _phase_judge(
     return None, "nothing"
 
 
-def _name(run: Run) -> str:
-    return str(run.values["ablation"]).split("__")[-1]
+def _name(run: FinishedRun) -> str:
+    return run.ablation.split("__")[-1]
 
 
-def _require_one_study(runs: Sequence[Run]) -> None:
+def _require_one_study(runs: Sequence[FinishedRun]) -> None:
     """Rows of one study differ by their ablation and seed, and by nothing else.
 
     Raises:
@@ -102,32 +116,23 @@ def _require_one_study(runs: Sequence[Run]) -> None:
             different experiments.
     """
     hint = "give a folder with the runs of one study: runs=outputs/studies/NAME"
-    seen = dict[str, Run]()
+    seen = dict[str, FinishedRun]()
     for run in runs:
         name = _name(run)
         first = seen.setdefault(name, run)
-        twin = seen.setdefault(f"{name}, seed {run.values['seed']}", run)
+        twin = seen.setdefault(f"{name}, seed {run.seed}", run)
         if twin is not run:
             raise ConfigError(
-                f"{twin.folder} and {run.folder} are both {name}, seed {run.values['seed']}", hint
+                f"{twin.folder} and {run.folder} are both {name}, seed {run.seed}", hint
             )
         if _settings(first) != _settings(run):
             raise ConfigError(f"{first.folder} and {run.folder} have different settings", hint)
-        if (a := _experiment(runs[0])) != (b := _experiment(run)):
+        if (a := runs[0].experiment) != (b := run.experiment):
             raise ConfigError(
                 f"{runs[0].folder} is of experiment={a}, {run.folder} of experiment={b}", hint
             )
 
 
-def _settings(run: Run) -> dict[str, Any]:
-    config = run.values["config"]
-    model = {key: value for key, value in config["model"].items() if key != "products_dir"}
-    return {"model": model, "training": config["training"]}
-
-
-def _experiment(run: Run) -> Any:
-    return run.values["config"]["choices"]["experiment"]
-
-
-def _method(run: Run) -> type[GestureMethod]:
-    return cast(type[GestureMethod], get_class(run.values["config"]["model"]["_target_"]))
+def _settings(run: FinishedRun) -> dict[str, Any]:
+    model = {key: value for key, value in run.config["model"].items() if key != "products_dir"}
+    return {"method": run.method, "model": model, "training": run.config["training"]}

@@ -5,26 +5,26 @@ from __future__ import annotations
 import logging
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from hydra.utils import get_class, to_absolute_path
+from hydra.utils import to_absolute_path
 from omegaconf import DictConfig, OmegaConf
 
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.experiment.finished_run import open_run
 from cospeech.matching.control import read_values
 from cospeech.methods.base import GestureMethod
-from cospeech.methods.matched import MatchedMethod
 from cospeech.motion.motion import Motion
 from cospeech.reporting.files import replacing
 from cospeech.reporting.player import PlayerClip, write_player
-from cospeech.reporting.record import read_record
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 from cospeech.speech.transcript import read_transcript_with_timing
 
 _log = logging.getLogger(__name__)
+
+logger = logging.getLogger(__name__)
 
 
 def generate(cfg: DictConfig) -> Motion:
@@ -37,9 +37,9 @@ def generate(cfg: DictConfig) -> Motion:
         cfg: Composed from ``conf/generate.yaml``.
 
     Raises:
-        ConfigError: ``run`` or ``audio`` isn't given, or the run has no such checkpoint or makes
-            no motion.
-        CospeechError: A file that can't be read, or what the method refuses.
+        ConfigError: ``run`` or ``audio`` isn't given, the run or its checkpoint is none that may
+            speak (`open_run`), or the method makes no motion.
+        CospeechError: A file that can't be read or written, or what the method refuses.
     """
     for key, example in (("run", "run=outputs/runs/ID"), ("audio", "audio=speech.wav")):
         if OmegaConf.is_missing(cfg, key):
@@ -71,42 +71,41 @@ def generate(cfg: DictConfig) -> Motion:
             raise
         raise ConfigError(f"{cfg.controls}: {error.problem}", error.hint) from None
     seconds = time.perf_counter() - started
-    folder = Path(cfg.run_dir)
-    folder.mkdir(parents=True, exist_ok=True)
-    name = Path(cfg.audio).stem
-    write_player(folder / "player.html", [PlayerClip(name, {"generated": motion}, speech)], name)
-    with replacing(folder / "motion.npz") as temporary, temporary.open("wb") as file:
-        joints = np.array(motion.skeleton.joints)
-        np.savez(file, positions=motion.positions, joints=joints, fps=motion.fps)
-    print(
-        f"{motion.duration:.1f} s of motion in {seconds:.2f} s"
-        f" ({motion.duration / max(seconds, 1e-9):.0f} times real time)\n"
-        f"listen: {(folder / 'player.html').resolve()}\n"
-        f"motion: {(folder / 'motion.npz').resolve()}"
-    )
+    print(_written(motion, speech, Path(cfg.run_dir), Path(cfg.audio).stem, seconds))
     return motion
 
 
+def _written(motion: Motion, speech: Speech, folder: Path, name: str, seconds: float) -> str:
+    """Write the arrays and then the page, and say where they are.
+
+    Raises:
+        CospeechError: One of them can't be written; where it is the page, the arrays are.
+    """
+    arrays, page = folder / "motion.npz", folder / "player.html"
+    with replacing(arrays) as temporary, temporary.open("wb") as file:
+        joints = np.array(motion.skeleton.joints)
+        np.savez(file, positions=motion.positions, joints=joints, fps=motion.fps)
+    kept = f"motion: {arrays.resolve()}"
+    name = name.encode("utf-8", "replace").decode()  # of a file name that is no UTF-8
+    try:
+        write_player(page, [PlayerClip(name, {"generated": motion}, speech)], name)
+    except Exception as error:  # whatever it is, the motion is made and kept
+        logger.debug("no page", exc_info=True)
+        raise CospeechError(
+            f"{page}: the page can't be written ({str(error) or type(error).__name__}); the motion"
+            f" is whole\n{kept}"
+        ) from error
+    return (
+        f"{motion.duration:.1f} s of motion in {seconds:.2f} s"
+        f" ({motion.duration / max(seconds, 1e-9):.0f} times real time)\n"
+        f"listen: {page.resolve()}\n{kept}"
+    )
+
+
 def _method(cfg: DictConfig) -> GestureMethod:
-    if cfg.checkpoint not in ("best", "last"):
-        raise ConfigError(f"checkpoint={cfg.checkpoint!r} is not one of best, last")
-    values = read_record(Path(cfg.run) / "record.json")
-    path = Path(cfg.run) / "checkpoints" / f"{cfg.checkpoint}.ckpt"
-    if not values or not path.is_file():
-        raise ConfigError(
-            f"run={cfg.run}: no record.json with checkpoints/{cfg.checkpoint}.ckpt there",
-            "give the folder of a finished run, e.g. outputs/runs/ID",
-        )
-    kind = get_class(values["config"]["model"]["_target_"])
-    if not issubclass(kind, GestureMethod):
-        raise ConfigError(f"run={cfg.run}: a {values['model']} makes no motion")
-    given: dict[str, Any] = {}
-    if cfg.database is not None:
-        if not issubclass(kind, MatchedMethod):
-            raise ConfigError(f"a {values['model']} has no matching database: leave database out")
-        given["database"] = to_absolute_path(cfg.database)
-    model = kind.load_from_checkpoint(path, map_location="cpu", weights_only=True, **given)
-    if isinstance(model, MatchedMethod):
-        # Outputs that were moved have their stores beside their runs still.
-        model.look_for_store(above / "stores" for above in Path(cfg.run).absolute().parents)
-    return model.eval()
+    run = open_run(str(cfg.run), cfg.checkpoint)
+    given = {} if cfg.database is None else {"database": to_absolute_path(cfg.database)}
+    # Motion is searched beside the corpus.
+    searches = run.takes("database")
+    store = run.find_store([Path(cfg.outputs_dir) / "stores"]) if searches else None
+    return run.load(store, **given)

@@ -7,18 +7,19 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.evaluation import evaluate_recordings, reference_rows
-from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
+from cospeech.experiment.building import build, chosen_encoder
 from cospeech.experiment.comparing import compare_runs
 from cospeech.experiment.context import RunInterrupted
+from cospeech.experiment.finished_run import FinishedRun, open_run
+from cospeech.experiment.judging_again import corpus_of, encoder_of
 from cospeech.methods.base import GestureMethod
 from cospeech.reporting.corpus_report import write_corpus_report
-from cospeech.reporting.record import read_record, write_json
+from cospeech.reporting.record import write_json
 from cospeech.reporting.tables import result_table
 
 FAULTS_SHOWN = 20
@@ -100,7 +101,7 @@ def evaluate(cfg: DictConfig) -> Any:
         cfg: Composed from ``conf/evaluate.yaml``.
 
     Raises:
-        ConfigError: Neither ``run`` nor ``study`` is given, or the run has no checkpoint.
+        ConfigError: Neither ``run`` nor ``study`` is given, or what `open_run` refuses.
     """
     folder = Path(cfg.run_dir)
     if cfg.run is None and OmegaConf.select(cfg, "study_task") is None:
@@ -112,18 +113,24 @@ def evaluate(cfg: DictConfig) -> Any:
         return compare_runs(cfg, folder)
     if OmegaConf.select(cfg, "study_task") is not None:
         return _study(cfg, folder)
-    values, store, model = _finished(cfg)
-    given = any(item.startswith("metrics") for item in HydraConfig.get().overrides.task)
-    metrics = cfg.metrics if given else OmegaConf.create(values["config"]["metrics"])
-    encoder = chosen_encoder(store, metrics)
-    values["encoder"] = {"sha256": encoder.sha256, "name": str(metrics.encoder)}
-    values["final"] = {
-        "split": cfg.split,
-        "recordings": evaluate_recordings(model, store, cfg.split, encoder),
+    run, store, model = _finished(cfg)
+    encoder, metrics = encoder_of(run, cfg, store)
+    values: dict[str, Any] = {
+        "id": run.id,
+        "model": run.model,
+        "data": run.data,
+        "ablation": run.ablation,
+        "seed": run.seed,
+        "checkpoint": cfg.checkpoint,
+        "encoder": {"sha256": encoder.sha256, "name": str(metrics.encoder)},
+        "final": {
+            "split": cfg.split,
+            "recordings": evaluate_recordings(model, store, cfg.split, encoder),
+        },
+        "references": reference_rows(store, encoder, cfg.split, metrics.reference_seed),
     }
-    values["references"] = reference_rows(store, encoder, cfg.split, metrics.reference_seed)
+    write_json(folder / "evaluation.json", values)
     print(result_table(values))
-    write_json(folder / "evaluation.json", {k: values[k] for k in _EVALUATION_KEYS})
     return values["final"]
 
 
@@ -143,31 +150,24 @@ def _study(cfg: DictConfig, folder: Path) -> Any:
             raise ConfigError(
                 "this study is of a finished run", "add run=outputs/runs/ID to the command"
             )
-        values, given["store"], given["method"] = _finished(cfg)
-        given["about"] = [("run", values["id"])]
-    else:
-        given["store"] = build(cfg.data).prepare_store()
+        run, given["store"], given["method"] = _finished(cfg)
+        given["about"] = [("run", run.id)]
+        if "encoder" in wanted:
+            given["encoder"], _ = encoder_of(run, cfg, given["store"])
+        return study(**given)
+    if cfg.run is not None:
+        raise ConfigError(
+            f"run={cfg.run}: this study is of a corpus, and of no run",
+            "leave run out; data=NAME chooses the corpus",
+        )
+    given["store"] = build(cfg.data).prepare_store()
     if "encoder" in wanted:
         given["encoder"] = chosen_encoder(given["store"], cfg.metrics)
     return study(**given)
 
 
-def _finished(cfg: DictConfig) -> tuple[dict[str, Any], Store, GestureMethod]:
-    """Record, corpus and trained method of ``cfg.run``."""
-    values = read_record(Path(cfg.run) / "record.json")
-    checkpoint = Path(cfg.run) / "checkpoints" / "best.ckpt"
-    if not values or not checkpoint.is_file():
-        raise ConfigError(
-            f"run={cfg.run}: no record.json with checkpoints/best.ckpt there",
-            "give the folder of a finished run, e.g. outputs/runs/ID",
-        )
-    store = build(values["config"]["data"]).prepare_store()
-    require_same(values["data_fingerprint"], store.fingerprint, "the corpus")
-    model = build(values["config"]["model"], corpus=store.facts())
-    if not isinstance(model, GestureMethod):
-        raise ConfigError(f"run={cfg.run}: a {values['model']} makes no motion to judge")
-    load_weights(model, checkpoint)
-    return values, store, model.eval()
-
-
-_EVALUATION_KEYS = ("id", "model", "data", "ablation", "seed", "encoder", "final", "references")
+def _finished(cfg: DictConfig) -> tuple[FinishedRun, Store, GestureMethod]:
+    """The run, corpus and trained method of ``cfg.run``."""
+    run = open_run(str(cfg.run), cfg.checkpoint)
+    store = corpus_of(run, cfg)
+    return run, store, run.load(store)

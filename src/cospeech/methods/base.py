@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import torch
 from lightning import LightningModule
@@ -92,6 +92,19 @@ class GestureMethod(LightningModule):
     def test_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """As `validation_step`."""
         return self.validation_step(batch, batch_idx)
+
+
+@runtime_checkable
+class HasSchedule(Protocol):
+    """A method whose training has an end of its own, whatever the number of epochs."""
+
+    @property
+    def steps_left(self) -> int:
+        """Training steps to that end."""
+
+    @property
+    def in_last_stage(self) -> bool:
+        """Whether the weights are such as the training is for, and not of a stage before."""
 
 
 def refuse_unknown(

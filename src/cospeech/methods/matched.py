@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -116,20 +115,6 @@ class MatchedMethod(GestureMethod):
                 "prepare the corpus of the run again, or train on this one",
             )
         return fit_database(store, self.spec)
-
-    def look_for_store(self, folders: Iterable[Path]) -> None:
-        """Where the corpus isn't where it was, take the first of the same name in some folders.
-
-        Args:
-            folders: Folders of stores, e.g. those beside a run that was moved with its outputs.
-        """
-        here = Path(self._store)
-        if (here / "manifest.json").is_file():
-            return
-        for folder in folders:
-            if (folder / here.name / "manifest.json").is_file():
-                self._store = str(folder / here.name)
-                return
 
     def on_fit_start(self) -> None:
         """Fit or open the database before the first step, and keep its hash."""

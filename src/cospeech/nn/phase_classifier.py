@@ -37,7 +37,10 @@ WRIST_ROLES = ("left_wrist", "right_wrist")
 
 FORMAT = "cospeech.phase_classifier"
 _WHAT = "a phase classifier"
-_TRAIN_ONE = "train one: python train.py model=phase_classifier; it is in the run's folder"
+_TRAIN_ONE = (
+    "give the phase_classifier.pt in the folder of a run of model=phase_classifier; python train.py"
+    " model=phase_classifier trains one"
+)
 
 
 class PhaseClassifierDescription(TypedDict):
@@ -279,7 +282,7 @@ class FrozenPhaseClassifier(nn.Module):
         path = Path(path)
         content = read_weights(path, _TRAIN_ONE)
         if content.get("format") != FORMAT:
-            raise InputFileError(path, "not a phase classifier", hint=_TRAIN_ONE)
+            raise InputFileError(path, _what_it_is(content), hint=_TRAIN_ONE)
         with understood(path, _WHAT, _TRAIN_ONE):
             description = parse_json(path, content["description"], _WHAT, _TRAIN_ONE)
             return cls.restored(description, content["state"])
@@ -299,3 +302,14 @@ class FrozenPhaseClassifier(nn.Module):
                 " (model.joints=wrists)",
             )
         return [roles.index(role) for role in self.roles]
+
+
+def _what_it_is(content: Mapping[str, object]) -> str:
+    """A file of tensors that is given in the place of a phase classifier."""
+    found = "not a phase classifier"
+    if "state_dict" in content:
+        return f"{found} but the checkpoint of a training"
+    if "stage" in content:
+        return f"{found} but what the stage {content['stage']!s:.30} of a training left"
+    kind = content.get("format")
+    return f"{found} but a file of the kind {kind:.60}" if isinstance(kind, str) else found

@@ -230,6 +230,11 @@ class RefinedMotionMatching(MatchedMethod):
         """Critic updates to the end of the schedule."""
         return max(0, self.critic_updates - int(self.updates_done))
 
+    @property
+    def in_last_stage(self) -> bool:
+        """There is one stage."""
+        return True
+
     def on_train_epoch_start(self) -> None:
         """A finished training that is resumed has nothing to do."""
         if self.steps_left == 0:

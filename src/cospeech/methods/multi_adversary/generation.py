@@ -96,8 +96,8 @@ class GeneratesGestures(GestureMethod):
 
     @property
     @abstractmethod
-    def _generator_is_final(self) -> bool:
-        """Whether the generator is the one that the training is for."""
+    def in_last_stage(self) -> bool:
+        """Whether the generator is one that the training is for, and no stage's before."""
 
     def _count(self, batch: GestureBatch, generated: Tensor) -> None:
         tally = self._tally
@@ -118,11 +118,10 @@ class GeneratesGestures(GestureMethod):
         self._tally.gather()
         values = {f"{stage}/{name}": value for name, value in self._tally.values().items()}
         gap = values[f"{stage}/wrist_speed_gap"]
-        values[f"{stage}/adversarial_gap"] = gap if self._generator_is_final else BEFORE_ADVERSARIAL
+        values[f"{stage}/adversarial_gap"] = gap if self.in_last_stage else BEFORE_ADVERSARIAL
         self.log_dict(values, sync_dist=True)
         self._tally = None
 
-    @property
     def border_frames(self) -> int:
         """Frames from the start of one window to the next in `generate_joints`."""
         return self.window.frames - (OVERLAP_FRAMES if self.long_form == "crossfade" else 0)

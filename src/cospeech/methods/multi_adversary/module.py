@@ -51,6 +51,10 @@ LONGEST_RUN = 4
 little else than one moment of one take (spec B.7, trap 7)."""
 
 
+MOST_SNAPSHOTS = 1000
+"""Each holds all weights of the generator."""
+
+
 class MultiAdversary(GoesThroughStages):
     """GAN of Ferstl et al. 2020: prosody to 3-D gestures, judged by up to four adversaries.
 
@@ -143,7 +147,7 @@ class MultiAdversary(GoesThroughStages):
         _check_choice("labels", labels, get_args(Labels))
         _check_choice("long_form", long_form, get_args(LongForm))
         _check_range("run", run, 1, LONGEST_RUN)
-        _check_range("snapshots", snapshots, 2)
+        _check_range("snapshots", snapshots, 2, MOST_SNAPSHOTS)
         for name, length in (
             ("classifier_steps", classifier_steps),
             ("pretraining_steps", pretraining_steps),

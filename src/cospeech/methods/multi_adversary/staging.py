@@ -189,6 +189,17 @@ class GoesThroughStages(GeneratesGestures):
         """Training steps to the end of the last stage, or a few more if the curriculum is hard."""
         return self.progress.least_steps_left(self.schedule, self.done)
 
+    @property
+    def in_last_stage(self) -> bool:
+        """From the middle of the last stage on.
+
+        At its beginning the generator still is the pre-trained one, whose damped motion can have
+        the smaller gap.
+        """
+        if self.progress.stage != "adversarial":
+            return self.progress.stage == "finished"
+        return 2 * self.progress.step >= (self.schedule.lengths["adversarial"] or 0)
+
     def _compare_with_epochs(self) -> None:
         epochs = self.trainer.max_epochs
         if epochs is None or epochs < 0:
@@ -234,17 +245,6 @@ class GoesThroughStages(GeneratesGestures):
         if self.progress.stage == "classifier" and self.players.student is not None:
             return self.players.student.frozen()
         return self.views.classifier
-
-    @property
-    def _generator_is_final(self) -> bool:
-        """From the middle of the last stage on.
-
-        At its beginning the generator still is the pre-trained one, whose damped motion can have
-        the smaller gap.
-        """
-        if self.progress.stage != "adversarial":
-            return self.progress.stage == "finished"
-        return 2 * self.progress.step >= (self.schedule.lengths["adversarial"] or 0)
 
 
 class _EveryWindow:

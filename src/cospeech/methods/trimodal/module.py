@@ -48,6 +48,8 @@ logger = logging.getLogger(__name__)
 WordEmbedding = Literal["fine_tune", "frozen", "scratch"]
 WordTiming = Literal["onset", "even"]
 
+MOST_LAYERS = 100
+
 
 class Trimodal(GestureMethod):
     """GAN of Yoon et al. 2020: text, audio and a style embedding of speakers to upper-body motion.
@@ -98,8 +100,8 @@ class Trimodal(GestureMethod):
             published.
 
     Raises:
-        ConfigError: A value that is not among the choices, or a word vector file with
-            ``word_embedding="scratch"``.
+        ConfigError: A value that is not among the choices or out of range, or a word vector file
+            with ``word_embedding="scratch"``.
     """
 
     window = WindowSpec(fps=15.0, frames=34, seed_frames=4, stride=10)
@@ -139,6 +141,8 @@ class Trimodal(GestureMethod):
         _check_choice("word_timing", word_timing, get_args(WordTiming))
         _check_choice("style", style, get_args(Style))
         _check_choice("word_embedding", word_embedding, get_args(WordEmbedding))
+        if not 1 <= layers <= MOST_LAYERS:
+            raise ConfigError(f"layers={layers}: must be from 1 to {MOST_LAYERS}")
         if word_embedding == "scratch" and word_vectors is not None:
             raise ConfigError(
                 "word_embedding=scratch starts from no vectors, but word_vectors names a file",

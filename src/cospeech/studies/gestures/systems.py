@@ -30,13 +30,10 @@ _BATCH = 64
 
 @runtime_checkable
 class MakesJoints(Protocol):
-    """What the study asks of a method, beside `GestureMethod`.
+    """What the study asks of a method, beside `GestureMethod`."""
 
-    Attributes:
-        border_frames: Frames from the start of one window to the next in `generate_joints`.
-    """
-
-    border_frames: int
+    def border_frames(self) -> int:
+        """Frames from the start of one window to the next in `generate_joints`."""
 
     def sample_joints(self, batch: GestureBatch) -> Tensor:
         """``(B, 100, J, 3)`` gesturing joints of windows of speech, in the order of the roles.
@@ -133,7 +130,7 @@ def motion_of(
         side_by_side=side_by_side,
         phases=phases_of(recordings),
         seed=system.seed,
-        border_frames=method.border_frames,
+        border_frames=method.border_frames(),
     )
 
 

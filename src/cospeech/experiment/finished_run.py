@@ -1,0 +1,383 @@
+"""The one door to a run's folder, which may be a stranger's.
+
+Of `record.json` and of a checkpoint only plain values are taken. The method's class is looked up
+in the closed list of `cospeech.experiment.known_parts`, and gets its own arguments alone. Nothing
+else is built: the corpus of a run is a store that lies prepared among the user's, found by its
+fingerprint, and is never made, nor anything else written, because of what a record says.
+"""
+
+from __future__ import annotations
+
+import glob
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hydra.utils import get_class
+from lightning import LightningModule
+from torch import Tensor, nn
+
+from cospeech.corpus.store import Store
+from cospeech.errors import ConfigError, CospeechError, InputFileError
+from cospeech.experiment.known_parts import KnownPart, known_part, names_of
+from cospeech.experiment.plain_arguments import (
+    argument_names,
+    require_arguments,
+    require_known,
+    require_plain,
+    require_types,
+)
+from cospeech.foreign import read_json, understood
+from cospeech.methods.base import GestureMethod, HasSchedule
+from cospeech.nn.weights_file import filled, read_checkpoint
+
+CHECKPOINTS = ("best", "last")
+MOST_RECORD_BYTES = 64 * 2**20
+
+_ANOTHER_RUN = "give the folder of a finished run, e.g. outputs/runs/ID"
+_NAMES = ("id", "status", "model", "data", "ablation")
+_TYPES: dict[str, Any] = {
+    **dict.fromkeys(_NAMES, str),
+    "seed": int,
+    "data_fingerprint": str | None,
+    "config": dict[str, Any],
+}
+_METRICS: dict[str, Any] = {
+    "encoder": str,
+    "encoder_epochs": int,
+    "encoder_seed": int,
+    "reference_seed": int,
+}
+_NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers")
+_FINGERPRINT = re.compile("[0-9a-f]{64}")
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """A run whose record has been checked; `load` makes its method.
+
+    Attributes:
+        folder: The run's folder.
+        id: Its id, as `model`, `data` and `ablation` printable text.
+        model: Name of the method's yaml.
+        data: Name of the corpus's yaml.
+        ablation: Name of the ablation.
+        seed: Of the training.
+        status: ``"ok"``, ``"failed"``, ``"interrupted"`` or ``"running"``.
+        fingerprint: Of the corpus; None where the run stopped before it knew.
+        method: The method's class.
+        metrics: How it was judged, as in ``conf/metrics``; without what the record lacks.
+        experiment: Name of the experiment's yaml, if any.
+        config: The record's settings of ``model``, ``data``, ``metrics`` and ``training``, as
+            plain values.
+        checkpoint: File of the chosen weights.
+    """
+
+    folder: Path
+    id: str
+    model: str
+    data: str
+    ablation: str
+    seed: int
+    status: str
+    fingerprint: str | None
+    method: type[LightningModule]
+    metrics: dict[str, Any]
+    experiment: str | None
+    config: Mapping[str, Any]
+    checkpoint: Path
+    _corpus: KnownPart = field(repr=False)
+
+    def load(self, store: Store | None = None, **given: Any) -> GestureMethod:
+        """The trained method, on the CPU and ready to be asked.
+
+        Args:
+            store: The corpus, where there is one: its folder replaces the one that the checkpoint
+                names.
+            given: Arguments of the constructor in the place of the checkpoint's.
+
+        Raises:
+            InputFileError: The checkpoint is damaged, or not of this run's method.
+            ConfigError: The method makes no motion, has no such argument, or ``best`` was asked
+                for and no epoch of the stage that counts is done.
+        """
+        if not issubclass(self.method, GestureMethod):
+            raise ConfigError(
+                f"run={self.folder}: a {self.model} makes no motion", "give a run of a method"
+            )
+        for name in given:
+            if not self.takes(name):
+                raise ConfigError(f"a {self.model} has no {name}", f"leave {name} out")
+        hint = _instead_of(self.checkpoint)
+        content = read_checkpoint(self.checkpoint, hint)
+        what = f"a checkpoint of model={self.model}"
+        with understood(self.checkpoint, what, hint), _in_file(self.checkpoint, hint):
+            model = self._built(content, store, given)
+            is_far_enough = not isinstance(model, HasSchedule) or model.in_last_stage
+        if self.checkpoint.stem == "best" and not is_far_enough:
+            raise ConfigError(
+                f"run={self.folder}: no epoch of the last stage of its training is done, and"
+                " best.ckpt holds what was there before it",
+                _to_its_end("checkpoint=last takes the weights as they are"),
+            )
+        return model
+
+    def takes(self, argument: str) -> bool:
+        """Whether the method's constructor has an argument of this name."""
+        return argument in argument_names(self.method)
+
+    def _built(
+        self, content: dict[str, Any], store: Store | None, given: dict[str, Any]
+    ) -> GestureMethod:
+        arguments = dict(content["hyper_parameters"])
+        require_arguments(self.method, arguments, "hyper_parameters")
+        if store is not None:
+            facts = {**arguments["corpus"], "store": str(store.path.absolute())}
+            arguments["corpus"] = facts
+        arguments |= given
+        state: dict[str, Tensor] = content["state_dict"]
+        with _not_many_more_weights_than(len(state)):
+            model = filled(lambda: self.method(**arguments), state)
+        model.on_load_checkpoint(content)
+        assert isinstance(model, GestureMethod)
+        return model.eval()
+
+    def find_store(self, folders: Iterable[str | Path]) -> Store | None:
+        """The run's corpus, as it was prepared for it.
+
+        Args:
+            folders: Of stores: the user's own. Those beside the run come after them, for outputs
+                that were moved.
+
+        Returns:
+            None where it isn't.
+
+        Raises:
+            InputFileError: It is there and damaged.
+        """
+        if self.fingerprint is None:
+            return None
+        beside = (above / "stores" for above in self.folder.absolute().parents)
+        pattern = f"*-{glob.escape(self.fingerprint[:6])}/manifest.json"
+        for folder in (*map(Path, folders), *beside):
+            for manifest in sorted(folder.glob(pattern)):
+                store = Store(manifest.parent)
+                if store.fingerprint == self.fingerprint:
+                    return store
+        return None
+
+    def require_store(self, folders: Iterable[str | Path], command: str) -> Store:
+        """As `find_store`.
+
+        Args:
+            folders: Of stores.
+            command: What to type to go on, e.g. ``"python evaluate.py run=DIR"``; the settings
+                that make the corpus again are added.
+
+        Raises:
+            ConfigError: It isn't there.
+        """
+        store = self.find_store(folders)
+        if store is None:
+            settings = " ".join([f"data={self.data}", *self._data_settings()])
+            raise ConfigError(
+                f"run={self.folder}: its prepared corpus isn't here any more"
+                f" (fingerprint {(self.fingerprint or 'unknown')[:12]})",
+                f"data.store_dir=DIR says where it lies; or make it again: {command} {settings}",
+            )
+        return store
+
+    def _data_settings(self) -> Iterator[str]:
+        """What the corpus was made from, as far as it isn't the default, as one types it."""
+        for name, value in self.config["data"].items():
+            if name in _NOT_OF_THE_CORPUS or value == self._corpus.values.get(name):
+                continue
+            yield shlex.quote(f"data.{name}={_as_override(value)}")
+
+
+def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
+    """Open a run's folder.
+
+    Args:
+        folder: It, or its ``record.json``.
+        checkpoint: ``"best"``, of a run that came to its end, or ``"last"``, of any.
+
+    Raises:
+        ConfigError: No such choice, no run there, the run hasn't come to its end, or no such
+            checkpoint.
+        InputFileError: The record is damaged, or says anything but plain values, names of the
+            closed list and their own arguments.
+    """
+    if checkpoint not in CHECKPOINTS:
+        raise ConfigError(f"checkpoint={checkpoint!r} is not one of {', '.join(CHECKPOINTS)}")
+    folder = _folder_of(Path(folder))
+    record = _inside(folder, folder / "record.json")
+    values = read_json(record, "a run's record", MOST_RECORD_BYTES, _ANOTHER_RUN)
+    with understood(record, "a run's record", _ANOTHER_RUN), _in_file(record, _ANOTHER_RUN):
+        run = _checked(folder, values, checkpoint)
+    if checkpoint == "best" and run.status != "ok":
+        told = {"running": "still running, or was killed"}.get(run.status, run.status)
+        raise ConfigError(
+            f"run={folder} has not come to its end ({told}): its best checkpoint is the best so"
+            " far, which may be worth nothing",
+            _to_its_end("checkpoint=last takes it as it is"),
+        )
+    if not run.checkpoint.is_file():
+        raise ConfigError(
+            f"run={folder}: no checkpoints/{checkpoint}.ckpt there", _instead_of(run.checkpoint)
+        )
+    return run
+
+
+def _checked(folder: Path, values: Any, checkpoint: str) -> FinishedRun:
+    if not isinstance(values, dict):
+        raise CospeechError(f"holds a {type(values).__name__}, not an object")
+    missing = [name for name in _TYPES if name not in values and name != "data_fingerprint"]
+    if missing:
+        raise CospeechError(f"has no {', '.join(missing)}: it is cut, or no record")
+    require_types(values, _TYPES, "record")
+    for name in _NAMES:
+        if not values[name].isprintable() or len(values[name]) > 200:
+            raise CospeechError(f"{name} is no name")
+    fingerprint = values.get("data_fingerprint")
+    if fingerprint is not None and _FINGERPRINT.fullmatch(fingerprint) is None:
+        raise CospeechError("data_fingerprint is no hash")
+    config = {}
+    for part in ("model", "data", "metrics", "training", "choices"):
+        settings = values["config"].get(part, None if part in ("model", "data") else {})
+        if not isinstance(settings, dict):
+            raise CospeechError(f"config.{part} is missing, or no object")
+        config[part] = dict(settings)
+    model, data = (_part(config[group], group, values[group]) for group in ("model", "data"))
+    method = get_class(model.target)
+    for name, known in (("model", argument_names(method)), ("data", list(data.values))):
+        require_plain(config[name], f"config.{name}")
+        require_known(list(config[name]), known, f"config.{name}")
+    for part in ("metrics", "training", "choices"):
+        require_plain(config[part], f"config.{part}")
+    require_known(list(config["metrics"]), list(_METRICS), "config.metrics")
+    require_types(config["metrics"], _METRICS, "config.metrics")
+    return FinishedRun(
+        folder=folder,
+        id=values["id"],
+        model=values["model"],
+        data=values["data"],
+        ablation=values["ablation"],
+        seed=values["seed"],
+        status=values["status"],
+        fingerprint=fingerprint,
+        method=method,
+        metrics=config["metrics"],
+        experiment=config["choices"].get("experiment"),
+        config=config,
+        checkpoint=_inside(folder, folder / "checkpoints" / f"{checkpoint}.ckpt"),
+        _corpus=data,
+    )
+
+
+def _part(values: dict[str, Any], group: str, name: str) -> KnownPart:
+    """Take the class's name out of the values; it has to be the one that the group's yaml names."""
+    target, known = values.pop("_target_", None), known_part(group, name)
+    if known is None:
+        raise CospeechError(
+            f"{group}={name} is not offered here",
+            f"there are {', '.join(names_of(group))}; one of your own needs its yaml in"
+            f" conf/{group}",
+        )
+    if target != known.target:
+        raise CospeechError(
+            f"config.{group}._target_={str(target)[:80]!r} is not {known.target}, which"
+            f" {group}={name} names"
+        )
+    return known
+
+
+@contextmanager
+def _in_file(path: Path, hint: str) -> Iterator[None]:
+    """Problems inside are told with the file's name."""
+    try:
+        yield
+    except InputFileError:
+        raise
+    except CospeechError as error:
+        raise InputFileError(path, error.problem, hint=error.hint or hint) from None
+
+
+def _folder_of(path: Path) -> Path:
+    if path.name == "record.json":
+        path = path.parent
+    if path.suffix == ".ckpt":
+        raise ConfigError(
+            f"run={path} is a checkpoint's file",
+            f"give the run's folder and name the checkpoint: run={path.parent.parent}"
+            " checkpoint=best (or last)",
+        )
+    if not (path / "record.json").is_file():
+        below = sorted(found.parent for found in path.glob("*/record.json"))
+        hint = f"it is a folder of runs: run={below[-1]}" if below else _ANOTHER_RUN
+        raise ConfigError(f"run={path}: no record.json there", hint)
+    return path
+
+
+def _inside(folder: Path, path: Path) -> Path:
+    """The path, unless it is a link out of the folder."""
+    if folder.resolve() not in path.resolve().parents:
+        raise InputFileError(
+            path, "is a link to something outside the run's folder", hint="copy the file into it"
+        )
+    return path
+
+
+def _instead_of(checkpoint: Path) -> str:
+    other = checkpoint.with_name("last.ckpt" if checkpoint.stem == "best" else "best.ckpt")
+    if other.is_file() and other.stat().st_size:
+        return f"checkpoint={other.stem} takes {other.name}; or train the run again"
+    return _ANOTHER_RUN
+
+
+def _to_its_end(or_else: str) -> str:
+    return (
+        "train it to its end: the command that it was started with, and ckpt_path=last; or"
+        f" {or_else}"
+    )
+
+
+def _as_override(value: Any) -> str:
+    """A plain value in Hydra's grammar."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_as_override, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {_as_override(item)}' for key, item in value.items())}}}"
+    if isinstance(value, str) and re.fullmatch(r"[\w./-]+", value, re.ASCII) is None:
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return str(value)
+
+
+@contextmanager
+def _not_many_more_weights_than(count: int) -> Iterator[None]:
+    """Stop the making of modules whose settings are of far more weights than a file has."""
+    left = 1000 + 8 * count
+
+    def one_more(*_: object) -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise CospeechError(f"its settings are of far more weights than the {count} it holds")
+
+    handles = [
+        nn.modules.module.register_module_parameter_registration_hook(one_more),
+        nn.modules.module.register_module_buffer_registration_hook(one_more),
+    ]
+    try:
+        yield
+    finally:
+        for handle in handles:
+            handle.remove()

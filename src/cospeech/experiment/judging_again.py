@@ -1,0 +1,93 @@
+"""What judges finished runs: their own corpus and encoder, or those that the command gives."""
+
+from __future__ import annotations
+
+import re
+import shlex
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig, OmegaConf
+
+from cospeech.corpus.store import Store
+from cospeech.encoders import is_kept
+from cospeech.errors import ConfigError
+from cospeech.experiment.building import build, chosen_encoder
+from cospeech.experiment.finished_run import FinishedRun
+from cospeech.metrics.encoder import GestureEncoder
+
+
+def given(group: str, *but: str) -> list[str]:
+    """What the command line says of a group, e.g. ``["data=mocap", "data.root=DIR"]``.
+
+    Args:
+        group: Name of the group.
+        but: Keys of it that don't count.
+    """
+    of_group = re.compile(rf"[+~]*{group}(?:$|[.=@])")
+    others = tuple(f"{group}.{key}=" for key in but)
+    return [o for o in _overrides() if of_group.match(o) and not o.lstrip("+").startswith(others)]
+
+
+def corpus_of(run: FinishedRun, cfg: DictConfig) -> Store:
+    """The prepared corpus of a run.
+
+    It is looked for in ``data.store_dir`` and beside the run. Where the command gives a corpus
+    (``data=...``), that is prepared, and has to be the run's.
+
+    Args:
+        run: The run.
+        cfg: Composed from ``conf/evaluate.yaml``.
+
+    Raises:
+        ConfigError: It isn't there, or another is given.
+    """
+    settings = given("data", "store_dir", "workers")
+    if not settings:
+        command = shlex.join(["python", "evaluate.py", *_overrides()])
+        return run.require_store([cfg.data.store_dir], command)
+    store: Store = build(cfg.data).prepare_store()
+    if store.fingerprint != run.fingerprint:
+        raise ConfigError(
+            f"{' '.join(settings)}: that isn't the corpus of run={run.folder}"
+            f" ({store.fingerprint[:10]}, not {(run.fingerprint or 'unknown')[:10]})",
+            "leave data out: the run's own is taken; or give all settings that it was trained with",
+        )
+    return store
+
+
+def encoder_of(
+    run: FinishedRun, cfg: DictConfig, store: Store
+) -> tuple[GestureEncoder, DictConfig]:
+    """The encoder that a run is judged with, and the settings of the judging.
+
+    They are the run's own, or the command's where it gives any (``metrics...``).
+
+    Args:
+        run: The run.
+        cfg: Composed from ``conf/evaluate.yaml``.
+        store: Its corpus.
+
+    Raises:
+        ConfigError: The run's own encoder isn't kept any more, and isn't the usual one.
+    """
+    metrics = cfg.metrics
+    if not given("metrics"):
+        # Values that were checked; a config made of them has no resolver to call.
+        metrics = OmegaConf.create({**metrics, **run.metrics})
+        own, usual = (
+            (values.encoder, values.encoder_epochs, values.encoder_seed)
+            for values in (metrics, cfg.metrics)
+        )
+        # How long an encoder is trained is not for a record to say.
+        if own != usual and own[0] == "trained" and not is_kept(store, own[1], own[2]):
+            raise ConfigError(
+                f"run={run.folder}: the encoder that it was judged with isn't kept beside"
+                f" {store.path} any more",
+                f"train it again by adding metrics.encoder_epochs={own[1]}"
+                f" metrics.encoder_seed={own[2]}, or judge with metrics=default",
+            )
+    return chosen_encoder(store, metrics), metrics
+
+
+def _overrides() -> list[str]:
+    return list(HydraConfig.get().overrides.task) if HydraConfig.initialized() else []

@@ -1,0 +1,178 @@
+"""What finished runs are asked for, and what unfinished ones are told."""
+
+import json
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.experiment import evaluate, generate, generating, judging_again
+from cospeech.experiment.finished_run import open_run
+from cospeech.methods.base import HasSchedule
+from tests.corpora import make_recording
+from tests.runs import FINGERPRINT, METHODS, Outputs, command, read_record, write_record
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory):
+    return Outputs(tmp_path_factory.mktemp("outputs"))
+
+
+@pytest.fixture
+def run(outputs, request):
+    return outputs.run("multi_adversary", below=f"of{id(request.node)}", stage="finished")
+
+
+def spoken(outputs, run, made, *more):
+    given = (f"run={run}", f"audio={outputs.audio}", f"run_dir={made}")
+    with command("generate", *given, f"outputs_dir={outputs.folder}", *more) as cfg:
+        return generate(cfg)
+
+
+def judged(outputs, run, made, *more):
+    with command("evaluate", f"run={run}", f"run_dir={made}", *more) as cfg:
+        return evaluate(cfg)
+
+
+@pytest.mark.parametrize("status", ["interrupted", "running", "failed"])
+def test_a_run_that_did_not_end_speaks_only_if_last_is_said(status, outputs, run, tmp_path):
+    write_record(run, read_record(run) | {"status": status})
+    for ask in (spoken, judged):
+        with pytest.raises(ConfigError) as caught:
+            ask(outputs, run, tmp_path)
+        assert "has not come to its end" in caught.value.problem
+        assert "ckpt_path=last" in caught.value.hint
+        assert "checkpoint=last" in caught.value.hint
+    assert len(spoken(outputs, run, tmp_path, "checkpoint=last")) == 60
+
+
+def test_an_untrained_generator_is_not_the_best(outputs, tmp_path):
+    """A run may be said to have ended by training.epochs before its last stage began."""
+    run = outputs.run("multi_adversary", below="early", stage="pretraining")
+    for ask in (spoken, judged):
+        with pytest.raises(ConfigError) as caught:
+            ask(outputs, run, tmp_path)
+        assert "no epoch of the last stage of its training is done" in caught.value.problem
+    assert len(spoken(outputs, run, tmp_path, "checkpoint=last")) == 60
+    with (
+        command(
+            "evaluate",
+            f"runs={run.parent}",
+            "study=multi_adversary_figures",
+            "checkpoint=best",
+            f"run_dir={tmp_path}",
+            f"outputs_dir={outputs.folder}",
+        ) as cfg,
+        pytest.raises(ConfigError, match="no epoch of the last stage"),
+    ):
+        evaluate(cfg)
+
+
+def test_methods_with_stages_declare_where_they_stand(outputs):
+    for name, (kind, arguments) in METHODS.items():
+        method = kind(outputs.facts, **arguments)
+        assert isinstance(method, HasSchedule) == (name == "multi_adversary")
+
+
+def test_a_run_is_named_in_several_ways(outputs, run, monkeypatch):
+    monkeypatch.chdir(run.parent)
+    with command("generate"):
+        for name in (run, "run", "./run/", "run/record.json", f"{run}/record.json"):
+            assert open_run(name).id == "run"
+        with pytest.raises(ConfigError) as caught:
+            open_run("run/checkpoints/last.ckpt")
+        assert "run=run checkpoint=best (or last)" in caught.value.hint
+        with pytest.raises(ConfigError, match=r"no record\.json there") as caught:
+            open_run(run.parent)
+        assert f"run={run}" in caught.value.hint
+        with pytest.raises(ConfigError, match=r"run=nowhere: no record\.json"):
+            open_run("nowhere")
+        with pytest.raises(ConfigError, match="is not one of best, last"):
+            open_run("run", "newest")
+
+
+def test_the_motion_is_kept_where_the_page_fails(outputs, run, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(generating, "write_player", full)
+    with pytest.raises(CospeechError, match="the motion is whole") as caught:
+        spoken(outputs, run, tmp_path)
+    assert str(tmp_path / "motion.npz") in str(caught.value)
+    assert np.load(tmp_path / "motion.npz")["positions"].shape == (60, 10, 3)
+
+
+def test_a_file_name_that_is_no_text_has_a_page(outputs, tmp_path):
+    recording = make_recording("a", seconds=2)
+    told = generating._written(recording.motion, recording.speech, tmp_path, "a\udcff", 1.0)
+    assert str(tmp_path / "player.html") in told
+    assert "a?" in (tmp_path / "player.html").read_text()
+
+
+def test_a_method_without_a_database_takes_none(outputs, run, tmp_path):
+    with pytest.raises(ConfigError, match="multi_adversary has no database"):
+        spoken(outputs, run, tmp_path, "database=somewhere")
+
+
+def test_the_corpus_is_found_where_the_outputs_went(outputs, tmp_path):
+    run = outputs.run("knn", below="here")
+    moved = tmp_path / "moved"
+    shutil.copytree(run, moved / "runs" / "run")
+    shutil.copytree(outputs.store, moved / "stores" / outputs.store.name)
+    with command("generate"):
+        opened = open_run(moved / "runs" / "run")
+    assert opened.find_store([tmp_path / "none"]).path.parent == moved / "stores"
+    assert opened.find_store([outputs.store.parent]).path == outputs.store
+    method = opened.load(opened.find_store([]))
+    assert method._store == str(moved / "stores" / outputs.store.name)
+    # A folder of the name alone doesn't do.
+    manifest = moved / "stores" / outputs.store.name / "manifest.json"
+    values = json.loads(manifest.read_text())
+    manifest.write_text(json.dumps(values | {"fingerprint": FINGERPRINT[:-1] + "1"}))
+    assert opened.find_store([]) is None
+
+
+def test_a_corpus_that_is_gone_is_not_made_again_on_a_strangers_word(outputs, run, tmp_path):
+    """What would make it is told, for the user to type."""
+    record = read_record(run)
+    record["data_fingerprint"] = "1" * 64
+    record["config"]["data"] |= {"store_dir": str(tmp_path / "stores"), "speakers": 3}
+    write_record(run, record)
+    with pytest.raises(ConfigError, match="its prepared corpus isn't here") as caught:
+        judged(outputs, run, tmp_path / "made", f"outputs_dir={tmp_path}")
+    assert "data=synthetic data.minutes=4 data.speakers=3" in caught.value.hint
+    assert "store_dir=/" not in caught.value.hint
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_encoder_that_is_gone_is_not_trained_for_as_long_as_a_record_says(
+    outputs, run, tmp_path
+):
+    record = read_record(run)
+    record["config"]["metrics"] |= {"encoder": "trained", "encoder_epochs": 10**9}
+    write_record(run, record)
+    with pytest.raises(ConfigError, match="isn't kept beside") as caught:
+        judged(outputs, run, tmp_path, f"outputs_dir={outputs.folder}")
+    assert "metrics.encoder_epochs=1000000000" in caught.value.hint
+
+
+def test_a_study_of_a_corpus_takes_no_run(outputs, run, tmp_path):
+    with pytest.raises(ConfigError, match="this study is of a corpus"):
+        judged(outputs, run, tmp_path, "study=fgd_noise")
+
+
+def test_a_corpus_that_is_given_has_to_be_the_runs(outputs, run, tmp_path, monkeypatch):
+    typed = ["run=x", "data=mocap", "+data.root=a", "data.store_dir=b", "metrics.encoder=c"]
+    monkeypatch.setattr(judging_again, "_overrides", lambda: typed)
+    assert judging_again.given("data", "store_dir") == ["data=mocap", "+data.root=a"]
+    assert judging_again.given("metrics") == ["metrics.encoder=c"]
+    assert judging_again.given("dat") == []
+    other = SimpleNamespace(prepare_store=lambda: SimpleNamespace(fingerprint=64 * "1"))
+    monkeypatch.setattr(judging_again, "build", lambda _: other)
+    with pytest.raises(
+        ConfigError, match=r"data=mocap .*: that isn't the corpus of run="
+    ) as caught:
+        judged(outputs, run, tmp_path)
+    assert "leave data out" in caught.value.hint
