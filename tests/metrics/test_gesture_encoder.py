@@ -185,7 +185,7 @@ def test_unsafe_and_broken_files_are_refused_without_running_them(tmp_path, caps
     path = tmp_path / "encoder.bin"
     with pytest.raises(InputFileError, match="no such encoder file"):
         load_any(path)
-    for content in (b"", b"not a checkpoint", pickle.dumps(Malicious(), protocol=2)):
+    for content in (b"PK", b"not a checkpoint", pickle.dumps(Malicious(), protocol=2)):
         path.write_bytes(content)
         with pytest.raises(InputFileError, match="can be read safely"):
             load_any(path)

@@ -1,19 +1,43 @@
-"""Files of tensors and plain values."""
+"""Files of tensors and plain values: the one place that opens what `torch.save` wrote."""
 
 from __future__ import annotations
 
 import os
-import pickle
+import pickletools
 import zipfile
-from collections.abc import Sequence
+from _compat_pickle import IMPORT_MAPPING, NAME_MAPPING
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, TypeVar
 
 import torch
+from torch import Tensor, nn
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import understood
 
 LARGEST_FILE_BYTES = 256 * 2**20
+LARGEST_CHECKPOINT_BYTES = 8 * 2**30
+DEEPEST = 30
+"""No file of ours nests its values deeper."""
+
+MOST_SHARING = 4
+"""Tensors may share storage, as tied weights do: their sizes add up to this many times the file's
+bytes at most."""
+
+_KNOWN = {
+    "collections.OrderedDict",
+    "torch.Size",
+    "torch._utils._rebuild_parameter",
+    "torch._utils._rebuild_tensor",
+    "torch._utils._rebuild_tensor_v2",
+    *(f"{kind.__module__}.{kind.__name__}" for kind in torch._storage_classes),
+}
+"""What pickled tensors and plain values refer to; torch's own list is longer."""
+
+_PLAIN = (bool, int, float, str, bytes, type(None))
+
+Network = TypeVar("Network", bound=nn.Module)
 
 
 def write_weights(path: str | Path, content: dict[str, Any]) -> None:
@@ -40,36 +64,201 @@ def read_weights(
     kind: str = "weights",
     largest_bytes: int = LARGEST_FILE_BYTES,
     allowed: Sequence[type] = (),
+    stand_in: type | None = None,
 ) -> dict[str, Any]:
-    """Read what `write_weights` wrote, on the CPU; nothing is unpickled.
+    """Read what `write_weights` or `torch.save` wrote, on the CPU; nothing that it names runs.
+
+    Time and memory follow the file's size, whatever it claims. Checksums are compared, so that a
+    changed byte is found.
 
     Args:
         path: The file.
         hint: What to do without it.
         kind: What the file should hold, in a word, for the messages.
-        largest_bytes: Larger files, also when unpacked, are refused.
-        allowed: Classes that may occur besides tensors and plain values.
+        largest_bytes: Larger files are refused.
+        allowed: Classes that may occur besides tensors and plain values; their attributes are to
+            be plain too.
+        stand_in: Takes the place of any other class or function, of which nothing runs; None
+            refuses files that name one.
 
     Raises:
-        InputFileError: Missing, too large, unsafe to read, or no dictionary.
+        InputFileError: Missing, too large, damaged, unsafe to read, or no dictionary.
     """
     path = Path(path)
     if not path.is_file():
         raise InputFileError(path, f"no such {kind} file", hint=hint)
-    size = path.stat().st_size
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            size = max(size, sum(entry.file_size for entry in archive.infolist()))
-    if size > largest_bytes:
-        raise InputFileError(path, f"{size / 2**20:.0f} MiB is too large", hint=hint)
-    try:
-        with torch.serialization.safe_globals(list(allowed)):
-            content = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
-        reason = str(error).strip().split("\n", 1)[0]
-        raise InputFileError(
-            path, f"not a file that can be read safely ({reason})", hint=hint
-        ) from error
-    if not isinstance(content, dict):
-        raise InputFileError(path, f"holds no {kind}", hint=hint)
+    with understood(path, f"a {kind} file that can be read safely", hint):
+        size = path.stat().st_size
+        if not size:
+            raise InputFileError(path, "is empty", hint=hint)
+        if size > largest_bytes:
+            raise InputFileError(path, f"{size / 2**20:.0f} MiB is too large", hint=hint)
+        zipped = _is_zip(path)
+        classes: list[Any] = list(allowed)
+        names = {f"{one.__module__}.{one.__qualname__}" for one in allowed}
+        unknown = sorted((_zipped_names if zipped else _bare_names)(path) - _KNOWN - names)
+        if stand_in is None:
+            refused = unknown
+        else:
+            # What torch knows it would not replace.
+            refused = [name for name in unknown if name.startswith(("torch.", "builtins."))]
+            classes += [(stand_in, name) for name in unknown]
+        if refused:
+            raise ValueError(f"it names {refused[0][:100]!r}, which has no place in {kind}")
+        with torch.serialization.safe_globals(classes):
+            # Mapped, no storage reaches past the file's end.
+            content = torch.load(path, map_location="cpu", weights_only=True, mmap=zipped)
+        if not isinstance(content, dict):
+            raise InputFileError(path, f"holds no {kind}", hint=hint)
+        objects = (*allowed, *(() if stand_in is None else (stand_in,)))
+        _require_bounded(content, size, objects)
+        copied: dict[str, Any] = _copied(content)
+    return copied
+
+
+def read_checkpoint(path: str | Path, hint: str) -> dict[str, Any]:
+    """The dictionary in a checkpoint that a training run wrote (``.ckpt``), on the CPU.
+
+    As `read_weights`, for files of up to 8 GiB: tensors and plain values come back, whose memory
+    is no part of the file.
+
+    Args:
+        path: The file.
+        hint: What to do without it.
+
+    Raises:
+        InputFileError: Missing, empty, cut, damaged in any byte, unsafe to read, or no checkpoint.
+    """
+    content = read_weights(path, hint, kind="checkpoint", largest_bytes=LARGEST_CHECKPOINT_BYTES)
+    if not isinstance(content.get("state_dict"), dict):
+        raise InputFileError(path, "is no checkpoint: it has no state_dict", hint=hint)
     return content
+
+
+def filled(make: Callable[[], Network], state: Mapping[str, Tensor]) -> Network:
+    """A network with the weights of a file, made only once it is known to be of their size.
+
+    Args:
+        make: Makes the untrained network, whose sizes may be a file's claim.
+        state: Its weights.
+
+    Raises:
+        ValueError: They are no weights of such a network.
+    """
+    with torch.device("meta"):  # takes no memory
+        expected = make().state_dict()
+    for name, tensor in expected.items():
+        found = state.get(name)
+        if not isinstance(found, Tensor):
+            raise ValueError(f"there is no tensor {name}")
+        if found.shape != tensor.shape:
+            raise ValueError(f"{name} is {list(found.shape)}, not {list(tensor.shape)}")
+    if more := [name for name in state if name not in expected]:
+        raise ValueError(f"there is no place for {more[0]!r:.100}")
+    network = make()
+    network.load_state_dict(dict(state))
+    return network
+
+
+def _is_zip(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(4) == b"PK\x03\x04"
+
+
+def _zipped_names(path: Path) -> set[str]:
+    """Classes and functions that a zip file refers to; its entries are whole and as long as told.
+
+    Raises:
+        ValueError: They are not.
+    """
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        names = [entry.filename for entry in entries]
+        # torch never compresses, and entries may lie over one another.
+        if sum(entry.file_size for entry in entries) > path.stat().st_size:
+            raise ValueError("it unpacks to more than its size")
+        if len(set(names)) < len(names):
+            raise ValueError("two of its parts have the same name")
+        if (damaged := archive.testzip()) is not None:
+            raise ValueError(f"the checksum of its part {damaged[:100]!r} is wrong")
+        pickles = [name for name in names if name.endswith("data.pkl")]
+        if len(pickles) != 1:
+            raise ValueError(f"{len(pickles)} parts are called data.pkl")
+        with archive.open(pickles[0]) as file:
+            return _names(file)
+
+
+def _bare_names(path: Path) -> set[str]:
+    """As `_zipped_names`, of a file from before torch 1.6.
+
+    It holds a magic number, a protocol, facts of the system, and the values, each a pickle.
+    """
+    with path.open("rb") as file:
+        return set().union(*(_names(file) for _ in range(4)))
+
+
+def _names(file: IO[bytes]) -> set[str]:
+    """Names in one pickle; nothing of it runs."""
+    names = set()
+    for opcode, argument, _ in pickletools.genops(file):
+        if opcode.name == "GLOBAL":
+            module, _, name = str(argument).partition(" ")
+            module, name = NAME_MAPPING.get(
+                (module, name), (IMPORT_MAPPING.get(module, module), name)
+            )
+            names.add(f"{module}.{name}")
+    return names
+
+
+def _require_bounded(content: Any, size: int, objects: tuple[type, ...]) -> None:
+    """Refuse values that are larger than their file: views, and what refers to itself.
+
+    Raises:
+        ValueError: They are, or aren't plain.
+    """
+    claimed, count = 0, 0
+    waiting = [(content, 0)]
+    while waiting:
+        value, depth = waiting.pop()
+        count += 1
+        if count > MOST_SHARING * size or depth > DEEPEST:
+            raise ValueError("its values are nested too deep or refer to one another")
+        if isinstance(value, Tensor):
+            plain = type(value) in (Tensor, nn.Parameter) and value.layout == torch.strided
+            if not plain or value.device.type != "cpu" or value.is_quantized:
+                raise ValueError("it holds a tensor of an unusual kind")
+            claimed += value.numel() * value.itemsize
+            if claimed > MOST_SHARING * size:
+                raise ValueError(f"its tensors claim more than the {size} bytes that it has")
+        elif isinstance(value, _PLAIN):
+            continue
+        else:
+            if hasattr(value, "__dict__") and not isinstance(value, list | tuple):
+                waiting.append((vars(value), depth + 1))
+            waiting.extend((inner, depth + 1) for inner in _inner(value, objects))
+
+
+def _inner(value: Any, objects: tuple[type, ...]) -> list[Any]:
+    if isinstance(value, dict):
+        return [*value.keys(), *value.values()]
+    if isinstance(value, list | tuple):
+        return list(value)
+    if isinstance(value, objects):
+        return []
+    raise ValueError(f"it holds a {type(value).__name__}")
+
+
+def _copied(value: Any) -> Any:
+    """Without the file under its tensors."""
+    if isinstance(value, Tensor):
+        return value.detach().clone()
+    if isinstance(value, dict):
+        for key in value:
+            value[key] = _copied(value[key])
+    elif isinstance(value, list):
+        value[:] = [_copied(inner) for inner in value]
+    elif type(value) is tuple:
+        return tuple(_copied(inner) for inner in value)
+    elif not isinstance(value, _PLAIN) and hasattr(value, "__dict__"):
+        _copied(vars(value))
+    return value
