@@ -149,7 +149,7 @@ def test_a_bare_pickle_runs_nothing(tmp_path):
     touched = tmp_path / "touched"
     path = tmp_path / "evil.bin"
     path.write_bytes(pickle.dumps(Malicious(eval, f"open({str(touched)!r}, 'w')"), protocol=2))
-    with pytest.raises(InputFileError, match="not a checkpoint that can be read safely"):
+    with pytest.raises(InputFileError, match="not a checkpoint file that can be read safely"):
         import_published(path)
     assert not touched.exists()
 
@@ -157,14 +157,14 @@ def test_a_bare_pickle_runs_nothing(tmp_path):
 def test_unusable_files_are_named(tmp_path):
     with pytest.raises(InputFileError, match="no such checkpoint"):
         import_published(tmp_path / "missing.bin")
-    for content in (b"", b"not a checkpoint", b"PK\x03\x04broken"):
+    for content in (b"PK", b"not a checkpoint", b"PK\x03\x04broken"):
         path = tmp_path / "broken.bin"
         path.write_bytes(content)
-        with pytest.raises(InputFileError, match=r"broken.bin: not a checkpoint"):
+        with pytest.raises(InputFileError, match=r"broken.bin: is damaged, or not a checkpoint"):
             import_published(path)
     path = tmp_path / "tensor.bin"
     torch.save(torch.zeros(3), path)
-    with pytest.raises(InputFileError, match="holds a Tensor, not a dictionary"):
+    with pytest.raises(InputFileError, match="holds a Tensor, not a dictionary of checkpoint"):
         import_published(path)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Literal, TypedDict, get_args
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from cospeech.errors import CospeechError, InputFileError
+from cospeech.foreign import parse_json, understood
 from cospeech.motion.gesture_joints import GestureJoints, gesture_joints
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASE_MERGES, PhaseMerge
@@ -22,7 +23,7 @@ from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.velocities import BodyJoints, wrists
 from cospeech.nn.phase_network import PhaseFeatures, PhaseNetwork, PhaseSizes
 from cospeech.nn.step_sequences import centred, step_sequences
-from cospeech.nn.weights_file import read_weights, write_weights
+from cospeech.nn.weights_file import filled, read_weights, write_weights
 from cospeech.speech.speech import Speech
 
 WINDOW_FRAMES = 100
@@ -35,6 +36,7 @@ wrists, seen from the spine; for data that has no more."""
 WRIST_ROLES = ("left_wrist", "right_wrist")
 
 FORMAT = "cospeech.phase_classifier"
+_WHAT = "a phase classifier"
 _TRAIN_ONE = "train one: python train.py model=phase_classifier; it is in the run's folder"
 
 
@@ -241,7 +243,21 @@ class FrozenPhaseClassifier(nn.Module):
         sizes = PhaseSizes(**description["sizes"])  # type: ignore[arg-type]
         network = PhaseNetwork(features.channels, len(merge.classes), sizes)
         joint_set, roles = description["joint_set"], description["roles"]
+        if joint_set not in get_args(JointSet):
+            raise ValueError(f"there is no set of joints called {joint_set!r:.50}")
         return cls(network, features, merge.name, joint_set, roles)
+
+    @classmethod
+    def restored(
+        cls, description: PhaseClassifierDescription, state: Mapping[str, Tensor]
+    ) -> FrozenPhaseClassifier:
+        """A classifier with its numbers; memory is taken only for what the state has.
+
+        Raises:
+            KeyError: As `build`.
+            ValueError: As `build`, or the state is of another shape.
+        """
+        return filled(lambda: cls.build(description), state)
 
     def save(self, path: str | Path) -> None:
         """Write it as plain tensors and values; the file appears only when complete.
@@ -264,15 +280,9 @@ class FrozenPhaseClassifier(nn.Module):
         content = read_weights(path, _TRAIN_ONE)
         if content.get("format") != FORMAT:
             raise InputFileError(path, "not a phase classifier", hint=_TRAIN_ONE)
-        try:
-            classifier = cls.build(json.loads(content["description"]))
-            classifier.load_state_dict(content["state"])
-        except (KeyError, TypeError, ValueError, AttributeError, RuntimeError) as error:
-            reason = str(error).strip().split("\n", 1)[0]
-            raise InputFileError(
-                path, f"a damaged phase classifier ({reason})", hint=_TRAIN_ONE
-            ) from error
-        return classifier
+        with understood(path, _WHAT, _TRAIN_ONE):
+            description = parse_json(path, content["description"], _WHAT, _TRAIN_ONE)
+            return cls.restored(description, content["state"])
 
     def _body_joints(self, skeleton: Skeleton) -> BodyJoints:
         if self.joint_set == "wrists":

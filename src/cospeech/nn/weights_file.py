@@ -109,7 +109,8 @@ def read_weights(
             # Mapped, no storage reaches past the file's end.
             content = torch.load(path, map_location="cpu", weights_only=True, mmap=zipped)
         if not isinstance(content, dict):
-            raise InputFileError(path, f"holds no {kind}", hint=hint)
+            problem = f"holds a {type(content).__name__}, not a dictionary of {kind}"
+            raise InputFileError(path, problem, hint=hint)
         objects = (*allowed, *(() if stand_in is None else (stand_in,)))
         _require_bounded(content, size, objects)
         copied: dict[str, Any] = _copied(content)

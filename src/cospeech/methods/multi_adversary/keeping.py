@@ -134,6 +134,4 @@ def packed(classifier: FrozenPhaseClassifier) -> dict[str, Any]:
 
 def unpacked(content: dict[str, Any]) -> FrozenPhaseClassifier:
     """The classifier that `packed` was given, on the CPU."""
-    classifier = FrozenPhaseClassifier.build(content["description"])
-    classifier.load_state_dict(content["state"])
-    return classifier
+    return FrozenPhaseClassifier.restored(content["description"], content["state"])

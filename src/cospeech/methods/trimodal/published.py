@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import pickle
-import pickletools
 import re
-import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast, get_args
 
-import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from cospeech.errors import CospeechError, InputFileError
+from cospeech.errors import CospeechError
+from cospeech.foreign import understood
 from cospeech.methods.trimodal.networks import (
     POSE_SIZE,
     Context,
@@ -21,9 +18,13 @@ from cospeech.methods.trimodal.networks import (
     Generator,
     Style,
 )
+from cospeech.nn.weights_file import Network, filled, read_weights
 
 MAX_BYTES = 2 * 2**30
 """Largest checkpoint read; the published ones are about 0.1 GB."""
+
+
+_PUBLISHED = "give a checkpoint that the published code wrote"
 
 
 class Placeholder:
@@ -53,42 +54,13 @@ def read_published(path: str | Path) -> dict[str, Any]:
     Raises:
         InputFileError: Missing, too large, not a checkpoint, or one that names a system module.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputFileError(path, "no such checkpoint")
-    if path.stat().st_size > MAX_BYTES:
-        raise InputFileError(
-            path, f"larger than {MAX_BYTES // 2**30} GB, not a published checkpoint"
-        )
-    try:
-        stand_ins: list[Callable[..., Any] | tuple[Callable[..., Any], str]]
-        stand_ins = [(Placeholder, name) for name in _foreign_globals(path)]
-        with torch.serialization.safe_globals(stand_ins):
-            content = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, ValueError, EOFError, KeyError, OSError) as error:
-        raise InputFileError(
-            path, f"not a checkpoint that can be read safely ({str(error).splitlines()[0]:.200})"
-        ) from error
-    if not isinstance(content, dict):
-        raise InputFileError(path, f"holds a {type(content).__name__}, not a dictionary")
-    return content
-
-
-def _foreign_globals(path: Path) -> set[str]:
-    """Names a checkpoint refers to beyond what torch's restricted loader allows by itself.
-
-    Listing them executes nothing. What torch allows takes precedence over a stand-in.
-    """
-    if zipfile.is_zipfile(path):
-        return set(torch.serialization.get_unsafe_globals_in_checkpoint(path))
-    names: set[str] = set()
-    with path.open("rb") as file:
-        # Before torch 1.6: magic number, protocol, system facts, then the object, each a pickle.
-        for _ in range(4):
-            for opcode, argument, _ in pickletools.genops(file):
-                if opcode.name == "GLOBAL":
-                    names.add(str(argument).replace(" ", "."))
-    return names
+    return read_weights(
+        path,
+        _PUBLISHED,
+        kind="checkpoint",
+        largest_bytes=MAX_BYTES,
+        stand_in=Placeholder,
+    )
 
 
 def import_published(
@@ -105,7 +77,13 @@ def import_published(
         InputFileError: The file can't be read safely.
         CospeechError: The tensors are not those of the published generator.
     """
-    state, arguments = _select(checkpoint, "gen_dict")
+    with understood(_name(checkpoint), "a published trimodal generator", _PUBLISHED):
+        return _generator(*_select(checkpoint, "gen_dict"), context)
+
+
+def _generator(
+    state: Mapping[str, Tensor], arguments: dict[str, Any], context: Context | None
+) -> Generator:
     try:
         words, word_size = state["text_encoder.embedding.weight"].shape
         spare = state["gru.weight_ih_l0"].shape[1] - (POSE_SIZE + 1)
@@ -115,20 +93,22 @@ def import_published(
         speakers = 0
         if "speaker_embedding.0.weight" in state:
             style, speakers = "speaker", len(state["speaker_embedding.0.weight"]) - 1
-        network = Generator(
+        hidden_size = state["gru.weight_hh_l0"].shape[1]
+    except KeyError as error:
+        raise CospeechError(f"not a trimodal generator: there is no tensor {error}") from None
+    return _filled(
+        lambda: Generator(
             words,
             speakers,
             word_size=word_size,
             style_size=style_size,
-            hidden_size=state["gru.weight_hh_l0"].shape[1],
+            hidden_size=hidden_size,
             layers=_layers(state),
             context=context,
             style=style,
-        )
-    except KeyError as error:
-        raise CospeechError(f"not a trimodal generator: there is no tensor {error}") from None
-    _load(network, state)
-    return network
+        ),
+        state,
+    )
 
 
 def _context(spare: int, context: str | None) -> Context:
@@ -148,17 +128,21 @@ def import_published_discriminator(
     checkpoint: str | Path | Mapping[str, Any],
 ) -> ConvDiscriminator:
     """The discriminator of a published checkpoint (key ``dis_dict``), as `import_published`."""
-    state, _ = _select(checkpoint, "dis_dict")
-    try:
-        network = ConvDiscriminator(
-            state["out2.weight"].shape[1] + 6,
-            hidden_size=state["gru.weight_hh_l0"].shape[1],
-            layers=_layers(state),
+    with understood(_name(checkpoint), "a published trimodal discriminator", _PUBLISHED):
+        state, _ = _select(checkpoint, "dis_dict")
+        try:
+            frames = state["out2.weight"].shape[1] + 6
+            size = state["gru.weight_hh_l0"].shape[1]
+        except KeyError as error:
+            problem = f"not a trimodal discriminator: there is no tensor {error}"
+            raise CospeechError(problem) from None
+        return _filled(
+            lambda: ConvDiscriminator(frames, hidden_size=size, layers=_layers(state)), state
         )
-    except KeyError as error:
-        raise CospeechError(f"not a trimodal discriminator: there is no tensor {error}") from None
-    _load(network, state)
-    return network
+
+
+def _name(checkpoint: str | Path | Mapping[str, Any]) -> str:
+    return "the state dict" if isinstance(checkpoint, Mapping) else str(checkpoint)
 
 
 def _select(
@@ -180,11 +164,11 @@ def _layers(state: Mapping[str, Tensor]) -> int:
     return sum(re.fullmatch(r"gru\.weight_hh_l\d+", name) is not None for name in state)
 
 
-def _load(network: nn.Module, state: Mapping[str, Tensor]) -> None:
+def _filled(make: Callable[[], Network], state: Mapping[str, Tensor]) -> Network:
     try:
-        network.load_state_dict(state)
-    except RuntimeError as error:
+        network = filled(make, state)
+    except (ValueError, RuntimeError) as error:
         raise CospeechError(
             f"the tensors don't fit the published network: {error!s:.500}"
         ) from None
-    network.eval()
+    return network.eval()

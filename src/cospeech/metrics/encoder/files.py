@@ -12,10 +12,11 @@ import torch
 from torch import Tensor
 
 from cospeech.errors import CospeechError, InputFileError
+from cospeech.foreign import parse_json, understood
 from cospeech.metrics.encoder.frozen import EVALUATION_FRAMES, GestureEncoder
 from cospeech.metrics.encoder.network import POSE_SIZE, PoseAutoencoder, flattened_size
 from cospeech.motion.upper_body import TED_AXES
-from cospeech.nn.weights_file import read_weights, write_weights
+from cospeech.nn.weights_file import filled, read_weights, write_weights
 
 FORMAT = "cospeech.gesture_encoder"
 VERSION = 1
@@ -23,6 +24,7 @@ LARGEST_FILE_BYTES = 64 * 2**20
 """A published encoder takes about 1 MB; what is far larger is something else."""
 
 _LIGHTNING_NETWORK = "network."
+_WHAT = "a gesture encoder"
 _OTHER_ENCODER = (
     "use the auto-encoder published for 34-frame windows with Trimodal Context, or leave"
     " metrics.encoder empty: one is then trained on the store's training split"
@@ -53,7 +55,10 @@ def load_encoder(path: str | Path) -> GestureEncoder:
     Raises:
         InputFileError: Missing, unsafe, of another kind or version, or changed since it was saved.
     """
-    return _from_own_file(Path(path), _read(Path(path)))
+    path = Path(path)
+    content = _read(path)
+    with understood(path, _WHAT, _OTHER_ENCODER):
+        return _from_own_file(path, content)
 
 
 def import_published(
@@ -78,7 +83,9 @@ def import_published(
         mean = zeros if mean_direction is None else mean_direction
         return _assemble("the state dict", checkpoint, mean, TED_AXES, "state dict", frames)
     path = Path(checkpoint)
-    return _from_published(path, _read(path), mean_direction, frames)
+    content = _read(path)
+    with understood(path, _WHAT, _OTHER_ENCODER):
+        return _from_published(path, content, mean_direction, frames)
 
 
 def load_any(path: str | Path, frames: int = EVALUATION_FRAMES) -> GestureEncoder:
@@ -97,13 +104,14 @@ def load_any(path: str | Path, frames: int = EVALUATION_FRAMES) -> GestureEncode
     """
     path = Path(path)
     content = _read(path)
-    if content.get("format") == FORMAT:
-        encoder = _from_own_file(path, content)
-        _require_frames(str(path), encoder.frames, frames)
-        return encoder
-    if "pytorch-lightning_version" in content:
-        return _from_run(path, content, frames)
-    return _from_published(path, content, None, frames)
+    with understood(path, _WHAT, _OTHER_ENCODER):
+        if content.get("format") == FORMAT:
+            encoder = _from_own_file(path, content)
+            _require_frames(str(path), encoder.frames, frames)
+            return encoder
+        if "pytorch-lightning_version" in content:
+            return _from_run(path, content, frames)
+        return _from_published(path, content, None, frames)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -119,7 +127,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _from_own_file(path: Path, content: dict[str, Any]) -> GestureEncoder:
     try:
-        metadata = json.loads(content["metadata"])
+        metadata = parse_json(path, content["metadata"], "an encoder's metadata")
         version, saved_hash, source = (metadata[key] for key in ("version", "sha256", "source"))
         state = dict(content["state"])
         mean, axes = state.pop("mean_direction"), state.pop("axes")
@@ -163,10 +171,11 @@ def _from_published(
             path, "neither an encoder file nor a published auto-encoder", hint=_OTHER_ENCODER
         )
     # What it was trained on is checked before its mean, which only matching files have.
-    network = _sized(str(path), content["gen_dict"], frames)
+    weights = content["gen_dict"]
+    _require_trained_on(str(path), weights, frames)
     if mean_direction is None:
         mean_direction = _published_mean(path, content.get("args"))
-    return _fill(str(path), network, content["gen_dict"], mean_direction, TED_AXES, path.name)
+    return _fill(str(path), weights, mean_direction, TED_AXES, path.name)
 
 
 def _published_mean(path: Path, arguments: object) -> list[float]:
@@ -193,11 +202,12 @@ def _assemble(
     source: str,
     frames: int,
 ) -> GestureEncoder:
-    return _fill(name, _sized(name, weights, frames), weights, mean_direction, axes, source)
+    _require_trained_on(name, weights, frames)
+    return _fill(name, weights, mean_direction, axes, source)
 
 
-def _sized(name: str, weights: Mapping[str, Tensor], frames: int) -> PoseAutoencoder:
-    """An empty network of the weights' size, for windows of ``frames``."""
+def _require_trained_on(name: str, weights: Mapping[str, Tensor], frames: int) -> None:
+    """Refuse weights for another skeleton, or for windows of another length than ``frames``."""
     try:
         width = weights["pose_encoder.net.0.0.weight"].shape[1]
         if width != POSE_SIZE:
@@ -206,26 +216,24 @@ def _sized(name: str, weights: Mapping[str, Tensor], frames: int) -> PoseAutoenc
                 f" evaluation space are {POSE_SIZE}: it was trained on another skeleton",
                 _OTHER_ENCODER,
             )
-        network = PoseAutoencoder.sized_like(weights)
+        trained = PoseAutoencoder.frames_of(weights)
     except (KeyError, IndexError, AttributeError) as error:
         raise CospeechError(
             f"{name}: not the published motion auto-encoder, {error} is missing", _OTHER_ENCODER
         ) from error
-    _require_frames(name, network.frames, frames)
-    return network
+    _require_frames(name, trained, frames)
 
 
 def _fill(
     name: str,
-    network: PoseAutoencoder,
     weights: Mapping[str, Tensor],
     mean_direction: Sequence[float] | Tensor,
     axes: Sequence[float],
     source: str,
 ) -> GestureEncoder:
     try:
-        network.load_state_dict(dict(weights))
-    except RuntimeError as error:
+        network = filled(lambda: PoseAutoencoder.sized_like(weights), weights)
+    except (KeyError, ValueError, RuntimeError) as error:
         raise CospeechError(
             f"{name}: not the published motion auto-encoder: {error}", _OTHER_ENCODER
         ) from error

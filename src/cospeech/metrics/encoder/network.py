@@ -48,6 +48,15 @@ class PoseAutoencoder(nn.Module):
         reconstruction: Tensor = self.decoder(self.pose_encoder(features))
         return reconstruction
 
+    @staticmethod
+    def frames_of(state: Mapping[str, Tensor]) -> int:
+        """Frames per window of the network that a state dict was saved from.
+
+        Raises:
+            KeyError: The sizing tensor is missing.
+        """
+        return state["decoder.pre_net.3.weight"].shape[0] // 4
+
     @classmethod
     def sized_like(cls, state: Mapping[str, Tensor]) -> PoseAutoencoder:
         """An untrained network of the size that a state dict was saved from.
@@ -56,7 +65,7 @@ class PoseAutoencoder(nn.Module):
             KeyError: The sizing tensors are missing.
         """
         decoder_width = state["decoder.pre_net.0.weight"].shape[0]
-        return cls(state["decoder.pre_net.3.weight"].shape[0] // 4, decoder_width)
+        return cls(cls.frames_of(state), decoder_width)
 
 
 def _convolution(size_in: int, size_out: int, kernel: int, stride: int = 1) -> nn.Sequential:
