@@ -1,45 +1,35 @@
-"""Checkpoints that a kill or a full disk can't tear, and that are checked before they are used.
+"""Checkpoints that neither a kill nor a full disk tears.
 
-A checkpoint is an ordinary file of ``torch.save``, a zip archive, whose archive comment holds the
-SHA-256 of everything before it. It is written beside its target, flushed to the disk and renamed,
-so the target is the old checkpoint or the new one. Of the checkpoint that runs continue from the
-one before is kept too.
+A checkpoint is written beside its target, flushed to the disk and renamed, so the target is the old
+one or the new one. Of the checkpoint that runs continue from the one before is kept as well, and
+taken where the newest turns out to be damaged.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import io
 import logging
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import torch
 from lightning.fabric.plugins import CheckpointIO
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.foreign import understood
+from cospeech.nn.weights_file import read_checkpoint
 
 LAST = "last.ckpt"
 """The checkpoint that runs continue from."""
 
-_SEAL = b"cospeech sha256 "
-_SEALED = re.compile(re.escape(_SEAL) + rb"([0-9a-f]{64})\Z")
-_SEAL_BYTES = len(_SEAL) + 64
-_CHUNK_BYTES = 2**20
+_START_AGAIN = "start the run again without ckpt_path, or go on from another file: ckpt_path=FILE"
 
 logger = logging.getLogger(__name__)
 
 
 class WholeCheckpoints(CheckpointIO):
-    """Writes and reads the checkpoints of Lightning's trainer.
-
-    When the checkpoint to continue from is damaged, that is said and the one before is taken.
-    """
+    """Writes and reads the checkpoints of Lightning's trainer."""
 
     def __init__(self) -> None:
         self._whole: set[Path] = set()
@@ -56,16 +46,24 @@ class WholeCheckpoints(CheckpointIO):
         temporary = path.with_name(f".{path.name}.partial")  # one process writes a run's folder
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            _write_sealed(checkpoint, temporary)
+            with temporary.open("wb") as file:
+                torch.save(checkpoint, file)
+                file.flush()
+                os.fsync(file.fileno())
+            # A damaged one must not take the place of the good one before it.
             if path.name == LAST and path in self._whole:
                 _keep(path, previous_of(path))
             temporary.replace(path)
             _flush_folder(path.parent)
-        except OSError as error:
+        except (OSError, RuntimeError) as error:
+            reason = _of_the_system(error)
+            if reason is None:
+                raise
             stays = "; the one before it is whole" if path.exists() else ""
             raise CospeechError(
-                f"{path} can't be written ({error.strerror or error}){stays}",
-                "see to the disk (df -h, quota, rights), then add ckpt_path=last to the command",
+                f"{path} can't be written ({reason.strerror or reason}){stays}",
+                "free some space, or mend the folder's permissions; then continue the run with"
+                " ckpt_path=last",
             ) from error
         finally:
             with contextlib.suppress(OSError):
@@ -89,14 +87,14 @@ class WholeCheckpoints(CheckpointIO):
         faults: list[InputFileError] = []
         for candidate in (path, previous) if previous.is_file() else (path,):
             try:
-                content = read_whole(candidate)
+                content = read_checkpoint(candidate, _START_AGAIN)
             except InputFileError as error:
-                logger.warning("%s", error.problem)
                 faults.append(error)
                 continue
             if faults:
                 logger.warning(
-                    "continuing from the checkpoint before, %s: epoch %s, step %s",
+                    "%s; continuing from the checkpoint before, %s (epoch %s, step %s)",
+                    faults[0].problem,
                     candidate,
                     content.get("epoch"),
                     content.get("global_step"),
@@ -113,100 +111,25 @@ class WholeCheckpoints(CheckpointIO):
         Path(path).unlink(missing_ok=True)
 
 
-_START_AGAIN = "start the run again without ckpt_path, or continue from another file: ckpt_path=FILE"
-
-
 def previous_of(path: Path) -> Path:
     """Where the predecessor of a checkpoint is kept: ``last.previous.ckpt`` of ``last.ckpt``."""
     return path.with_name(f"{path.stem}.previous{path.suffix}")
-
-
-def read_whole(path: Path, hint: str = _START_AGAIN) -> dict[str, Any]:
-    """A checkpoint's content, checked against its checksum; nothing is unpickled.
-
-    Args:
-        path: The checkpoint; one without a checksum is read too.
-        hint: What to do without it.
-
-    Raises:
-        InputFileError: Missing, damaged or of something else.
-    """
-    require_unbroken(path, hint)
-    with understood(path, "a checkpoint", hint):
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    if not isinstance(content, dict) or "state_dict" not in content:
-        raise InputFileError(path, "is no checkpoint", hint=hint)
-    return content
-
-
-def require_unbroken(path: Path, hint: str | None = None) -> None:
-    """Check a file of ours against the checksum at its end, if it has one.
-
-    Raises:
-        InputFileError: Missing or unreadable, or a byte of it has changed.
-    """
-    with understood(path, "a checkpoint", hint), path.open("rb") as file:
-        size = file.seek(0, os.SEEK_END)
-        start = max(size - _SEAL_BYTES, 0)
-        file.seek(start)
-        seal = _SEALED.match(file.read())
-        if seal is None or start < 2:
-            return
-        file.seek(0)
-        digest, left = hashlib.sha256(), start - 2
-        while left > 0 and (chunk := file.read(min(left, _CHUNK_BYTES))):
-            digest.update(chunk)
-            left -= len(chunk)
-        digest.update(b"\0\0")  # the length of the comment, before there was one
-    if digest.hexdigest().encode() != seal[1]:
-        raise InputFileError(path, "is damaged: its checksum is another", hint=hint)
 
 
 def _one_name(path: str | Path) -> Path:
     return Path(path).parent.resolve() / Path(path).name
 
 
-def _write_sealed(content: dict[str, Any], path: Path) -> None:
-    """A file of ``torch.save`` with its SHA-256 as archive comment, flushed to the disk."""
-    with path.open("wb") as file:
-        hashing = _Hashing(file)
-        try:
-            torch.save(content, hashing)
-        except Exception:
-            if hashing.error is not None:  # torch makes a RuntimeError without a reason of it
-                raise hashing.error from None
-            raise
-        seal = _SEAL + hashing.digest.hexdigest().encode()
-        file.seek(-2, os.SEEK_END)
-        file.write(len(seal).to_bytes(2, "little") + seal)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-class _Hashing(io.RawIOBase):
-    """Passes what is written on, and hashes it."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        super().__init__()
-        self.digest = hashlib.sha256()
-        self.error: OSError | None = None
-        self._file = file
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, data: Any) -> int:
-        try:
-            written = self._file.write(data)
-        except OSError as error:
-            self.error = error
-            raise
-        self.digest.update(data)
-        return written
+def _of_the_system(error: BaseException) -> OSError | None:
+    """What the system said; torch's writer makes another error of it."""
+    link: BaseException | None = error
+    while link is not None and not isinstance(link, OSError):
+        link = link.__context__
+    return link
 
 
 def _keep(path: Path, previous: Path) -> None:
-    """Make a file's predecessor of it, while the file itself stays where links are known."""
+    """Make a file its own predecessor, and leave it in its place where links are known."""
     link = path.with_name(f".{path.name}.link")
     link.unlink(missing_ok=True)
     try:

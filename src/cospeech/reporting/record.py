@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
+
+from cospeech.errors import CospeechError
 
 RECORD_SCHEMA = 1
 _PACKAGES = ("cospeech", "torch", "lightning", "torchmetrics", "hydra-core", "numpy", "librosa")
@@ -26,12 +29,16 @@ class RunRecord:
             run goes on with the epochs it has.
         facts: ``id``, ``model``, ``data``, ``ablation``, ``seed`` and the resolved ``config``.
         writes: False in all but the first process of a distributed run.
+
+    Attributes:
+        values: What the file holds.
+        earlier: What it held before, where the run is resumed; else empty.
     """
 
     def __init__(self, path: Path, facts: dict[str, Any], writes: bool = True) -> None:
         self.path = path
         self._writes = writes
-        earlier = read_record(path) if path.is_file() else {}
+        self.earlier = earlier = read_record(path) if path.is_file() else {}
         self.values: dict[str, Any] = {
             "schema": RECORD_SCHEMA,
             "status": "running",
@@ -45,6 +52,8 @@ class RunRecord:
             "encoder": earlier.get("encoder"),
             "timings": earlier.get("timings", {}),
             "epochs": earlier.get("epochs", []),
+            "fit": earlier.get("fit"),
+            "objective": earlier.get("objective"),
             "final": {},
             "references": {},
             "samples": earlier.get("samples", []),
@@ -89,14 +98,27 @@ def read_record(path: Path) -> dict[str, Any]:
 
 
 def write_json(path: Path, values: Any) -> None:
-    """JSON written to a temporary file and moved into place. NaN and infinity become null."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """JSON written to a temporary file and moved into place. NaN and infinity become null.
+
+    Raises:
+        CospeechError: It can't be written; what was there is as it was.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("w") as file:
-        json.dump(_finite(values), file, indent=1)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("w", encoding="utf-8") as file:
+            json.dump(_finite(values), file, indent=1)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        raise CospeechError(
+            f"{path} can't be written ({error.strerror or error})",
+            "free some space, or mend the folder's permissions, and give the same command again",
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def _finite(value: Any) -> Any:
