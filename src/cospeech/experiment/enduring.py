@@ -61,7 +61,7 @@ def other_arithmetic(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> list
         now: The record of this one.
     """
     compared = {
-        "threads of torch": ("hardware", "torch_threads"),
+        "torch_threads": ("hardware", "torch_threads"),
         "device": ("hardware", "device"),
         "GPUs": ("hardware", "gpus"),
         "version of torch": ("versions", "torch"),
@@ -70,7 +70,7 @@ def other_arithmetic(earlier: Mapping[str, Any], now: Mapping[str, Any]) -> list
     for what, (group, name) in compared.items():
         before, after = (_value(record, group, name) for record in (earlier, now))
         if None not in (before, after) and before != after:
-            differences.append(f"another {what} than before ({before} -> {after})")
+            differences.append(f"{what}: {before} before, {after} from here on")
     return differences
 
 

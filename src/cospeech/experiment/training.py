@@ -184,7 +184,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     device = f"{trainer.world_size} x {trainer.strategy.root_device.type}"
     record.update(hardware={**record.values["hardware"], "device": device})
     for difference in other_arithmetic(record.earlier, record.values):
-        logger.warning("%s: the run goes on, but not to the same bits", difference)
+        logger.warning("%s, so the run won't end bit-equal to an unbroken one", difference)
 
     with _timed(record, "fit"):
         # The encoder may have been trained just now; the run's draws must not depend on it.
