@@ -3,14 +3,11 @@
 import errno
 import logging
 import os
-import random
 import resource
 import signal
 import struct
 import subprocess
-import sys
 import tempfile
-import time
 import zipfile
 from pathlib import Path
 
@@ -21,6 +18,7 @@ from cospeech.errors import CospeechError, InputFileError
 from cospeech.nn import checkpoints
 from cospeech.nn.checkpoints import WholeCheckpoints, previous_of
 from cospeech.nn.weights_file import read_checkpoint
+from tests.killing import killed_writing
 
 
 def content(number, size=1000):
@@ -230,34 +228,21 @@ def test_a_really_full_disk_leaves_what_was_there(small_disk):
     assert read(last)["epoch"] == 3
 
 
-SAVE_FOR_EVER = """
-import os
-import sys
+SAVE = """
 import torch
 from cospeech.nn.checkpoints import WholeCheckpoints
 
 torch.set_num_threads(1)
+keeping = WholeCheckpoints()
+resumed = []
 
 
-def save_for_ever(path, number):
-    keeping = WholeCheckpoints()
-    if number:
-        number = keeping.load_checkpoint(path)["epoch"]
-    while True:
-        number += 1
-        weights = torch.full((300_000,), float(number))
-        content = {"state_dict": {"w": weights}, "epoch": number, "global_step": number}
-        keeping.save_checkpoint(content, path)
-        print(number, flush=True)
-
-
-for line in sys.stdin:  # a child per line: the imports are paid once
-    child = os.fork()
-    if child == 0:
-        save_for_ever(sys.argv[1], int(line))
-    print("child", child, flush=True)
-    os.waitpid(child, 0)
-    print("ended", flush=True)
+def write(number):
+    if number > 1 and not resumed:
+        resumed.append(keeping.load_checkpoint(sys.argv[1]))
+    weights = torch.full((300_000,), float(number))
+    content = {"state_dict": {"w": weights}, "epoch": number, "global_step": number}
+    keeping.save_checkpoint(content, sys.argv[1])
 """
 
 
@@ -266,39 +251,15 @@ def test_killed_at_any_moment_of_its_writing_at_most_one_save_is_lost(last, tmp_
     """TMPDIR is another file system, as where Lightning's own checkpoints were torn."""
     other = Path("/dev/shm")
     elsewhere = Path(tempfile.mkdtemp(dir=other if os.access(other, os.W_OK) else tmp_path))
-    seed = random.SystemRandom().randrange(2**32)
-    print("seed", seed)
-    draw = random.Random(seed)
-    process = subprocess.Popen(
-        [sys.executable, "-c", SAVE_FOR_EVER, str(last)],
-        env={**os.environ, "OMP_NUM_THREADS": "1", "TMPDIR": str(elsewhere)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    known = torn = 0
-    try:
-        for _ in range(30):
-            process.stdin.write(f"{known}\n")
-            process.stdin.flush()
-            said: list[str] = []
-            while len(said) < 3 + draw.randrange(4):
-                said.append(process.stdout.readline())
-            time.sleep(draw.random() * 0.02)
-            (child,) = [int(line.split()[1]) for line in said if line.startswith("child")]
-            os.kill(child, signal.SIGKILL)
-            while said[-1] != "ended\n":
-                said.append(process.stdout.readline())
-            saved = max(int(line) for line in said if line.strip().isdigit())
-            torn += last.with_name(".last.ckpt.partial").exists()
-            loaded = WholeCheckpoints().load_checkpoint(last)
-            assert known < saved <= loaded["epoch"] <= saved + 1
-            known = loaded["epoch"]
-            assert torch.equal(loaded["state_dict"]["w"], torch.full((300_000,), float(known)))
-            assert read(previous_of(last))["epoch"] in (known - 1, known)
-    finally:
-        process.stdin.close()
-        process.wait(timeout=60)
+    torn = 0
+    for started, saved in killed_writing(SAVE, str(last), times=30, TMPDIR=str(elsewhere)):
+        torn += last.with_name(".last.ckpt.partial").exists()
+        loaded = WholeCheckpoints().load_checkpoint(last)
+        assert started < saved <= loaded["epoch"] <= saved + 1
+        expected = torch.full((300_000,), float(loaded["epoch"]))
+        assert torch.equal(loaded["state_dict"]["w"], expected)
+        if saved > 1:
+            assert read(previous_of(last))["epoch"] in (loaded["epoch"] - 1, loaded["epoch"])
     assert torn > 0  # kills did fall into the writing
     assert not list(elsewhere.iterdir())
     elsewhere.rmdir()
