@@ -214,9 +214,11 @@ def test_a_full_disk_costs_nothing_that_was_saved(tmp_path):
     assert [row["epoch"] for row in the_record(tmp_path)[1]["epochs"]] == [0, 1, 2]
     assert read_checkpoint(previous_of(last), "")["epoch"] == 1
 
-    # A refused command leaves no folder, and this one nothing of worth elsewhere.
-    refused = command_line.run(tmp_path, *RUN, "data.minutes=0", timeout=PATIENCE)
+    # A refused command leaves no folder; the others stay.
+    absent = ("model=trimodal", "data=mocap", f"data.root={tmp_path / 'absent'}")
+    refused = command_line.run(tmp_path, *absent, timeout=PATIENCE)
     assert refused.returncode == 1
+    assert "absent" in refused.stderr
     assert [path.name for path in (tmp_path / "runs").iterdir()] == [folder.name]
 
 

@@ -231,13 +231,18 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         values = {name.removeprefix("test/"): float(value) for name, value in windows[0].items()}
         record.update(final={"split": "test", "windows": values})
     record.finish("ok")
+    with costs_itself("the summary"):  # what is done is done, whatever the terminal makes of it
+        _summarise(folder, record)
+    return RunResult(folder, record.values, objective, model)
+
+
+def _summarise(folder: Path, record: RunRecord) -> None:
     if record.values["references"]:
         print(result_table(record.values))
     samples = [folder / name for name in record.values["samples"]]
     print(f"\nrun:    {folder}")
     if samples:
         print(f"listen: {samples[-1].resolve()}")
-    return RunResult(folder, record.values, objective, model)
 
 
 def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: MotionAutoencoder) -> None:
