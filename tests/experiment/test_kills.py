@@ -19,12 +19,12 @@ from tests import command_line
 from tests.command_line import SMALL
 from tests.killing import killed_writing
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(2400)]
 
-PATIENCE = 300
+PATIENCE = 600
 """Seconds that anything may take on a busy machine."""
 
-RUN = (*SMALL, "logger=none", "callbacks.render_samples.every_n_epochs=0", "test=false")
+RUN = (*SMALL, "logger=none", "training.batch_size=64", "test=false")
 
 REFINED = (
     "model=knn_cgan",

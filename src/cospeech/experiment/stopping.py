@@ -16,6 +16,7 @@ STOP_SIGNALS = tuple(
 """What systems send to end a process; it has some seconds then."""
 
 _PEER_SECONDS = 1.0
+_FIRST = "COSPEECH_FIRST_PROCESS"
 
 
 @contextmanager
@@ -40,12 +41,18 @@ def stopped_like_ctrl_c() -> Iterator[None]:
                 signal.signal(number, handler)
 
 
+def be_the_first_process() -> None:
+    """Let the processes that this one starts know whom to end with."""
+    os.environ[_FIRST] = str(os.getpid())
+
+
 def end_with_the_first_process() -> None:
     """Have a further process of a distributed run end soon after the one that started it.
 
     Where that one is killed before the two have met, nothing else would tell this one.
     """
-    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+    parent = int(os.environ.get(_FIRST, os.getppid()))  # it may have gone already
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

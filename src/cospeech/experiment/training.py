@@ -28,7 +28,11 @@ from cospeech.experiment.building import build, chosen_encoder, load_weights, re
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
 from cospeech.experiment.enduring import costs_itself, enduring, other_arithmetic
 from cospeech.experiment.folders import resume_command, run_identity
-from cospeech.experiment.stopping import end_with_the_first_process, stopped_like_ctrl_c
+from cospeech.experiment.stopping import (
+    be_the_first_process,
+    end_with_the_first_process,
+    stopped_like_ctrl_c,
+)
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
@@ -64,6 +68,7 @@ def run(cfg: DictConfig) -> RunResult:
     first_process = int(os.environ.get("LOCAL_RANK", 0)) == 0
     lock = FileLock(str(folder / ".lock"))
     if first_process:
+        be_the_first_process()
         folder.mkdir(parents=True, exist_ok=True)
         try:
             lock.acquire(timeout=0)
