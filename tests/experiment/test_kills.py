@@ -110,7 +110,8 @@ def wait_until(found, process, what):
     while time.monotonic() < deadline:
         if (value := found()) is not None:
             return value
-        assert process.poll() is None, process.communicate()[0]
+        if process.poll() is not None:
+            raise AssertionError(f"the run has ended before: {process.stdout.read()}")
         time.sleep(0.01)
     raise TimeoutError(what)
 
