@@ -1,7 +1,8 @@
-"""Ctrl-C finishes the step, saves, and says how to go on."""
+"""Ctrl-C, or a system that ends the process, gets its way after the step, with all saved."""
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
 import threading
@@ -11,10 +12,11 @@ from typing import Any
 from lightning import Callback, LightningModule, Trainer
 
 from cospeech.experiment import RunContext, RunInterrupted
+from cospeech.experiment.stopping import STOP_SIGNALS
 
 
 class GracefulInterrupt(Callback):
-    """On Ctrl-C or SIGTERM: finish the step (or the validation), save ``last.ckpt``, stop.
+    """On Ctrl-C, SIGTERM or SIGHUP: finish the step (or the validation), save ``last.ckpt``, stop.
 
     A second Ctrl-C stops at once; the run then continues from the checkpoint before.
 
@@ -30,14 +32,16 @@ class GracefulInterrupt(Callback):
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Take over the signals (Python allows that in the main thread only)."""
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                self._previous[number] = signal.signal(number, self._ask)
+            for number in (signal.SIGINT, *STOP_SIGNALS):
+                if signal.getsignal(number) is not signal.SIG_IGN:
+                    self._previous[number] = signal.signal(number, self._ask)
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         if self._asked:
             raise KeyboardInterrupt
         self._asked = True
-        sys.stderr.write("\nfinishing this step, then saving (Ctrl-C again: stop at once)\n")
+        with contextlib.suppress(OSError):  # the terminal may be what has gone
+            sys.stderr.write("\nfinishing this step, then saving (Ctrl-C again: stop at once)\n")
 
     def on_train_batch_end(
         self,

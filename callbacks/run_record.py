@@ -26,3 +26,9 @@ class WriteRunRecord(Callback):
                 if name.startswith(("train/", "val/")) and not name.endswith("_step")
             }
             self.run.record.add_epoch(trainer.current_epoch, metrics)
+
+    def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Note the epochs that were asked for and those it took; a resumed run adds none."""
+        if trainer.is_global_zero:
+            asked = self.run.record.values["config"]["training"]["epochs"]
+            self.run.record.update(fit={"asked": asked, "ended": trainer.current_epoch})

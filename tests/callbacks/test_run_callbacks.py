@@ -1,6 +1,8 @@
 """The run's callbacks on a method small enough to know what they must report."""
 
 import json
+import logging
+import signal
 
 import pytest
 import torch
@@ -9,7 +11,9 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 
 from callbacks.cost_estimate import CostEstimate
 from callbacks.evaluate_fgd import EvaluateFGD
+from callbacks.graceful_interrupt import GracefulInterrupt
 from callbacks.progress_bar import EpochLines
+from callbacks.render_samples import RenderSamples
 from callbacks.run_record import WriteRunRecord
 from callbacks.step_seed import SeedEachStep
 from callbacks.stop_on_nan import StopOnNaN
@@ -17,7 +21,7 @@ from callbacks.throughput import Throughput
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import CospeechError
-from cospeech.experiment import RunContext
+from cospeech.experiment import RunContext, RunInterrupted
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
 from cospeech.metrics.functional import frechet_distance, joint_mae
@@ -25,6 +29,7 @@ from cospeech.metrics.moments import feature_moments
 from cospeech.metrics.protocol import cut_windows
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.nn.checkpoints import WholeCheckpoints
 from cospeech.reporting.record import RunRecord
 from tests.corpora import make_store
 
@@ -67,9 +72,21 @@ def run(tmp_path):
     store = make_store(tmp_path)
     torch.manual_seed(0)
     encoder = GestureEncoder(PoseAutoencoder(), store.facts()["mean_direction"])
-    facts = {"id": "x", "model": "m", "data": "d", "ablation": "full", "seed": 0, "config": {}}
+    facts = {"id": "x", "model": "m", "data": "d", "ablation": "full", "seed": 0}
+    facts["config"] = {"training": {"epochs": -1}}
     record = RunRecord(tmp_path / "run" / "record.json", facts)
     return RunContext(tmp_path / "run", store, encoder, record, "python train.py")
+
+
+def last_checkpoint(run):
+    """As configured: replaced after every epoch."""
+    return ModelCheckpoint(
+        run.folder / "checkpoints",
+        "last",
+        enable_version_counter=False,
+        every_n_epochs=1,
+        save_on_train_epoch_end=True,
+    )
 
 
 def loader(run, split):
@@ -77,9 +94,10 @@ def loader(run, split):
     return WindowLoader(dataset, 8, seed=0, shuffle=split == "train", drop_last=split == "train")
 
 
-def fit(run, method, callbacks, epochs=1):
+def fit(run, method, callbacks, epochs=1, checkpoint=None):
     trainer = Trainer(
         max_epochs=epochs,
+        plugins=[WholeCheckpoints()],
         accelerator="cpu",
         logger=False,
         enable_checkpointing=any(isinstance(c, ModelCheckpoint) for c in callbacks),
@@ -89,7 +107,13 @@ def fit(run, method, callbacks, epochs=1):
         callbacks=callbacks,
         default_root_dir=str(run.folder),
     )
-    trainer.fit(method, loader(run, "train"), loader(run, "val"))
+    trainer.fit(
+        method,
+        loader(run, "train"),
+        loader(run, "val"),
+        ckpt_path=checkpoint,
+        weights_only=None if checkpoint is None else True,
+    )
     return trainer
 
 
@@ -226,3 +250,80 @@ def test_without_a_number_of_epochs_the_method_tells_what_is_left(run, capsys):
     said = capsys.readouterr().out
     assert "epochs of 6 steps, about 14 steps" in said
     assert "\nepoch 2  " in said  # not "2/-2"
+
+
+class Learns(Shifted):
+    """Takes a step for every batch, and a random one."""
+
+    def training_step(self, batch, batch_idx):
+        losses = super().training_step(batch, batch_idx)
+        optimizer = self.optimizers()
+        optimizer.zero_grad()
+        self.manual_backward(self.number.square() * self.draws[-1])
+        optimizer.step()
+        return losses
+
+
+def test_a_damaged_last_checkpoint_costs_an_epoch_and_not_the_run(run, caplog):
+    straight = Learns()
+    fit(run, straight, [SeedEachStep(3)], epochs=3)
+    fit(run, Learns(), [SeedEachStep(3), last_checkpoint(run)], epochs=2)
+    path = run.folder / "checkpoints" / "last.ckpt"
+    path.write_bytes(path.read_bytes()[:-100])
+    resumed = Learns()
+    with caplog.at_level(logging.WARNING):
+        fit(run, resumed, [SeedEachStep(3), last_checkpoint(run)], epochs=3, checkpoint=path)
+    assert any("last.previous.ckpt (epoch 0" in message for message in caplog.messages)
+    assert resumed.draws == straight.draws[6:]  # from the second epoch on
+    assert torch.equal(resumed.number, straight.number)
+
+
+class StopsItself(Learns):
+    """Ends in its third epoch, as methods do that know what they need."""
+
+    def training_step(self, batch, batch_idx):
+        self.trainer.should_stop = self.global_step >= 13 or self.current_epoch > 4
+        return super().training_step(batch, batch_idx)
+
+
+def test_a_training_that_has_ended_gains_no_empty_epoch(run):
+    fit(run, StopsItself(), [WriteRunRecord(run), last_checkpoint(run)], epochs=-1)
+    values = json.loads(run.record.path.read_text())
+    assert values["fit"] == {"asked": -1, "ended": 3}
+    assert [row["epoch"] for row in values["epochs"]] == [0, 1, 2]
+    path = run.folder / "checkpoints" / "last.ckpt"
+    resumed = StopsItself()
+    fit(run, resumed, [WriteRunRecord(run)], epochs=values["fit"]["ended"], checkpoint=path)
+    assert resumed.draws == []
+    assert json.loads(run.record.path.read_text()) == values
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_the_middle_of_an_epoch_saves_and_stops(run, number):
+    class Signal(Callback):
+        def on_train_batch_start(self, trainer, pl_module, batch, batch_idx):
+            if batch_idx == 2:
+                signal.raise_signal(number)
+
+    before = signal.getsignal(number)
+    with pytest.raises(RunInterrupted, match=r"last\.ckpt is saved"):
+        fit(run, Learns(), [GracefulInterrupt(run), Signal()])
+    assert signal.getsignal(number) is before
+    path = run.folder / "checkpoints" / "last.ckpt"
+    assert torch.load(path, weights_only=True)["global_step"] == 3
+
+
+def test_a_sample_that_cannot_be_made_is_a_warning(run, caplog):
+    class Mute(Learns):
+        def generate(self, speech, **given):
+            raise RuntimeError("no gestures today")
+
+    method = Mute()
+    rendering = RenderSamples(run, every_n_epochs=1, clips=1, seconds=2, video=False)
+    assert rendering.spans
+    with caplog.at_level(logging.WARNING):
+        fit(run, method, [rendering, WriteRunRecord(run)], epochs=2)
+    told = [message for message in caplog.messages if "no gestures today" in message]
+    assert len(told) == 2
+    assert len(run.record.values["epochs"]) == 2
+    assert run.record.values["samples"] == []

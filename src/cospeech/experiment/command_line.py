@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -16,6 +17,7 @@ from omegaconf import DictConfig
 
 from cospeech.errors import CospeechError
 from cospeech.experiment.context import RunInterrupted
+from cospeech.experiment.leftovers import remove_leftovers
 
 _SAYS_NOTHING = (
     ".*LeafSpec.*",
@@ -44,5 +46,6 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
     except CospeechError as error:
         if HydraConfig.get().mode == RunMode.MULTIRUN:
             raise
+        remove_leftovers(Path(HydraConfig.get().runtime.output_dir))
         print(f"\nerror: {error}", file=sys.stderr)
         sys.exit(1)

@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,18 +22,27 @@ from omegaconf import DictConfig, OmegaConf
 
 from cospeech.corpus.store import Store
 from cospeech.encoders import BATCH_SIZE, keep_encoder
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, CospeechError
 from cospeech.evaluation import References, evaluate_recordings, reference_rows
 from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
+from cospeech.experiment.enduring import costs_itself, enduring, other_arithmetic
 from cospeech.experiment.folders import resume_command, run_identity
+from cospeech.experiment.stopping import (
+    be_the_first_process,
+    end_with_the_first_process,
+    stopped_like_ctrl_c,
+)
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
+from cospeech.nn.checkpoints import LAST, previous_of
 from cospeech.reporting.record import RunRecord, read_record
 from cospeech.reporting.tables import result_table
 
 logger = logging.getLogger(__name__)
+
+_LOST_PEER = ("closed by peer", "reset by peer", "Broken pipe", "NCCL", "Connection refused")
 
 
 def run(cfg: DictConfig) -> RunResult:
@@ -58,6 +68,7 @@ def run(cfg: DictConfig) -> RunResult:
     first_process = int(os.environ.get("LOCAL_RANK", 0)) == 0
     lock = FileLock(str(folder / ".lock"))
     if first_process:
+        be_the_first_process()
         folder.mkdir(parents=True, exist_ok=True)
         try:
             lock.acquire(timeout=0)
@@ -65,6 +76,8 @@ def run(cfg: DictConfig) -> RunResult:
             raise ConfigError(
                 f"another process is at work in {folder}", "wait for it, or stop it first"
             ) from None
+    else:
+        end_with_the_first_process()
     resolved = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
     record = RunRecord(
         record_path,
@@ -80,21 +93,44 @@ def run(cfg: DictConfig) -> RunResult:
         writes=first_process,
     )
     try:
-        return _run(cfg, folder, record)
+        with stopped_like_ctrl_c():
+            return _run(cfg, folder, record)
     except RunInterrupted as error:
-        record.finish("interrupted", str(error))
+        _close(record, "interrupted", str(error))
         raise
     except (KeyboardInterrupt, SystemExit):  # Lightning turns the first into the second
-        record.finish("interrupted", "stopped by Ctrl-C")
+        _close(record, "interrupted", "stopped by Ctrl-C or by the system")
         raise RunInterrupted("stopped", f"continue with: {resume_command()}") from None
     except BaseException as error:
-        record.finish("failed", f"{type(error).__name__}: {error}")
-        raise
+        lost_peer = _lost_peer(error)
+        told = lost_peer or error
+        _close(record, "failed", f"{type(told).__name__}: {told}")
+        if lost_peer is None:
+            raise
+        raise lost_peer from error
     finally:
         lock.release()
         wandb = sys.modules.get("wandb")
         if wandb is not None and wandb.run is not None:
-            wandb.finish()  # or the next job of a multirun would log into this one's run
+            with costs_itself("wandb"):
+                wandb.finish()  # or the next job of a multirun would log into this one's run
+
+
+def _close(record: RunRecord, status: str, error: str) -> None:
+    """Say in the record how a run ended, unless it had ended well or can't be written any more."""
+    if record.values["status"] != "ok":
+        with costs_itself("the record"):
+            record.finish(status, error)
+
+
+def _lost_peer(error: BaseException) -> CospeechError | None:
+    """The sentence for what torch's backends say when a process of a distributed run has gone."""
+    said = isinstance(error, RuntimeError) and any(part in str(error) for part in _LOST_PEER)
+    if not said or "LOCAL_RANK" not in os.environ:
+        return None
+    return CospeechError(
+        "another process of this run has ended", f"continue with: {resume_command()}"
+    )
 
 
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
@@ -134,15 +170,26 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
 
     context = RunContext(folder, store, encoder, record, resume_command())
     callbacks = [_with_context(node, context) for node in (cfg.callbacks or {}).values() if node]
-    loggers: list[Logger] = [instantiate(node) for node in (cfg.logger or {}).values()]
+    loggers: list[Logger] = [enduring(instantiate(node)) for node in (cfg.logger or {}).values()]
     for experiment_logger in loggers:
         experiment_logger.log_hyperparams(
             cast(dict[str, Any], OmegaConf.to_container(cfg.model, resolve=True))
             | {"seed": cfg.seed, **cast(dict, OmegaConf.to_container(cfg.choices))}
         )
+    # A fit that has ended is only loaded again, and the run goes on behind it.
+    fit = record.values["fit"] or {}
+    ended = {"max_epochs": fit["ended"]} if fit.get("asked") == cfg.training.epochs else {}
     trainer: Trainer = instantiate(
-        cfg.trainer, callbacks=callbacks, logger=loggers or False, default_root_dir=str(folder)
+        cfg.trainer,
+        callbacks=callbacks,
+        logger=loggers or False,
+        default_root_dir=str(folder),
+        **ended,
     )
+    device = f"{trainer.world_size} x {trainer.strategy.root_device.type}"
+    record.update(hardware={**record.values["hardware"], "device": device})
+    for difference in other_arithmetic(record.earlier, record.values):
+        logger.warning("%s, so the run won't end bit-equal to an unbroken one", difference)
 
     with _timed(record, "fit"):
         # The encoder may have been trained just now; the run's draws must not depend on it.
@@ -183,18 +230,24 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             },
             references=references,
         )
-        print(result_table(record.values))
     elif cfg.test and is_overridden("test_step", model):
         with _timed(record, "test"):
             windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
         values = {name.removeprefix("test/"): float(value) for name, value in windows[0].items()}
         record.update(final={"split": "test", "windows": values})
     record.finish("ok")
+    with costs_itself("the summary"):  # what is done is done, whatever the terminal makes of it
+        _summarise(folder, record)
+    return RunResult(folder, record.values, objective, model)
+
+
+def _summarise(folder: Path, record: RunRecord) -> None:
+    if record.values["references"]:
+        print(result_table(record.values))
     samples = [folder / name for name in record.values["samples"]]
     print(f"\nrun:    {folder}")
     if samples:
         print(f"listen: {samples[-1].resolve()}")
-    return RunResult(folder, record.values, objective, model)
 
 
 def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: MotionAutoencoder) -> None:
@@ -233,8 +286,8 @@ def _checkpoint(cfg: DictConfig, folder: Path) -> str | None:
         if not path.is_file():
             raise ConfigError(f"ckpt_path={path}: no such file", "give a .ckpt file, or `last`")
         return str(path)
-    last = folder / "checkpoints" / "last.ckpt"
-    if last.is_file():
+    last = folder / "checkpoints" / LAST
+    if last.is_file() or previous_of(last).is_file():
         logger.info("continuing from %s", last)
         return str(last)
     logger.info("no checkpoint yet in %s: starting from the beginning", folder)
@@ -256,4 +309,5 @@ class _timed:
         self.start = time.perf_counter()
 
     def __exit__(self, *error: object) -> None:
-        self.record.add_timing(self.name, time.perf_counter() - self.start)
+        with costs_itself("a timing") if any(error) else nullcontext():
+            self.record.add_timing(self.name, time.perf_counter() - self.start)

@@ -30,12 +30,16 @@ class RunRecord:
             run goes on with the epochs it has.
         facts: ``id``, ``model``, ``data``, ``ablation``, ``seed`` and the resolved ``config``.
         writes: False in all but the first process of a distributed run.
+
+    Attributes:
+        values: What the file holds.
+        earlier: What it held before, where the run is resumed; else empty.
     """
 
     def __init__(self, path: Path, facts: dict[str, Any], writes: bool = True) -> None:
         self.path = path
         self._writes = writes
-        earlier = read_record(path) if path.is_file() else {}
+        self.earlier = earlier = read_record(path) if path.is_file() else {}
         self.values: dict[str, Any] = {
             "schema": RECORD_SCHEMA,
             "status": "running",
@@ -49,6 +53,8 @@ class RunRecord:
             "encoder": earlier.get("encoder"),
             "timings": earlier.get("timings", {}),
             "epochs": earlier.get("epochs", []),
+            "fit": earlier.get("fit"),
+            "objective": earlier.get("objective"),
             "final": {},
             "references": {},
             "samples": earlier.get("samples", []),

@@ -1,0 +1,151 @@
+"""Checkpoints that neither a kill nor a full disk tears.
+
+A checkpoint is written beside its target, flushed to the disk and renamed, so the target is the old
+one or the new one. Of the checkpoint that runs continue from the one before is kept as well, and
+taken where the newest turns out to be damaged.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning.fabric.plugins import CheckpointIO
+
+from cospeech.errors import CospeechError, InputFileError
+from cospeech.nn.weights_file import read_checkpoint
+
+LAST = "last.ckpt"
+"""The checkpoint that runs continue from."""
+
+_START_AGAIN = "start the run again without ckpt_path, or go on from another file: ckpt_path=FILE"
+
+logger = logging.getLogger(__name__)
+
+
+class WholeCheckpoints(CheckpointIO):
+    """Writes and reads the checkpoints of Lightning's trainer."""
+
+    def __init__(self) -> None:
+        self._whole: set[Path] = set()
+
+    def save_checkpoint(
+        self, checkpoint: dict[str, Any], path: str | Path, storage_options: Any = None
+    ) -> None:
+        """Replace a checkpoint as soon as the new one is whole on the disk.
+
+        Raises:
+            CospeechError: It can't be written; what was there is as it was.
+        """
+        path = _one_name(path)
+        temporary = path.with_name(f".{path.name}.partial")  # one process writes a run's folder
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with temporary.open("wb") as file:
+                torch.save(checkpoint, file)
+                file.flush()
+                os.fsync(file.fileno())
+            # A damaged one must not take the place of the good one before it.
+            if path.name == LAST and path in self._whole:
+                _keep(path, previous_of(path))
+            temporary.replace(path)
+            _flush_folder(path.parent)
+        except (OSError, RuntimeError) as error:
+            reason = _of_the_system(error)
+            if reason is None:
+                raise
+            stays = "; the one before it is whole" if path.exists() else ""
+            raise CospeechError(
+                f"{path} can't be written ({reason.strerror or reason}){stays}",
+                "free some space, or mend the folder's permissions; then continue the run with"
+                " ckpt_path=last",
+            ) from error
+        finally:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+        self._whole.add(path)
+
+    def load_checkpoint(
+        self,
+        path: str | Path,
+        map_location: Callable | None = None,
+        weights_only: bool | None = None,
+    ) -> dict[str, Any]:
+        """A checkpoint on the CPU, or the one before where it is damaged; nothing is unpickled.
+
+        Raises:
+            InputFileError: It is damaged, and no other was kept.
+            CospeechError: Both are damaged.
+        """
+        path = _one_name(path)
+        previous = previous_of(path)
+        faults: list[InputFileError] = []
+        for candidate in (path, previous) if previous.is_file() else (path,):
+            try:
+                content = read_checkpoint(candidate, _START_AGAIN)
+            except InputFileError as error:
+                faults.append(error)
+                continue
+            if faults:
+                logger.warning(
+                    "%s; continuing from the checkpoint before, %s (epoch %s, step %s)",
+                    faults[0].problem,
+                    candidate,
+                    content.get("epoch"),
+                    content.get("global_step"),
+                )
+            self._whole.add(candidate)
+            return content
+        if len(faults) == 1:
+            raise faults[0]
+        problems = "; ".join(error.problem for error in faults)
+        raise CospeechError(f"no checkpoint is whole: {problems}", _START_AGAIN) from faults[0]
+
+    def remove_checkpoint(self, path: str | Path) -> None:
+        """Delete a checkpoint, if there is one."""
+        Path(path).unlink(missing_ok=True)
+
+
+def previous_of(path: Path) -> Path:
+    """Where the predecessor of a checkpoint is kept: ``last.previous.ckpt`` of ``last.ckpt``."""
+    return path.with_name(f"{path.stem}.previous{path.suffix}")
+
+
+def _one_name(path: str | Path) -> Path:
+    return Path(path).parent.resolve() / Path(path).name
+
+
+def _of_the_system(error: BaseException) -> OSError | None:
+    """What the system said; torch's writer makes another error of it."""
+    link: BaseException | None = error
+    while link is not None and not isinstance(link, OSError):
+        link = link.__context__
+    return link
+
+
+def _keep(path: Path, previous: Path) -> None:
+    """Make a file its own predecessor, and leave it in its place where links are known."""
+    link = path.with_name(f".{path.name}.link")
+    link.unlink(missing_ok=True)
+    try:
+        os.link(path, link)
+    except OSError:
+        path.replace(previous)
+        return
+    link.replace(previous)
+    link.unlink(missing_ok=True)  # a rename between two links of one file does nothing
+
+
+def _flush_folder(folder: Path) -> None:
+    """Have a rename survive a power failure, where the system can."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

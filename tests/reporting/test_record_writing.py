@@ -1,0 +1,48 @@
+"""A record is the old one or the new one, and a disk that is full is named."""
+
+import errno
+import json
+import os
+
+import pytest
+
+from cospeech.errors import CospeechError
+from cospeech.reporting import record
+from cospeech.reporting.record import RunRecord, write_json
+
+FACTS = {"id": "x", "model": "m", "data": "d", "ablation": "full", "seed": 0, "config": {}}
+
+
+def test_a_full_disk_leaves_the_old_file_and_is_named(tmp_path, monkeypatch):
+    path = tmp_path / "record.json"
+    write_json(path, {"a": 1})
+
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(record.os, "fsync", full)
+    with pytest.raises(CospeechError, match="No space left on device") as caught:
+        write_json(path, {"a": 2})
+    assert str(path) in caught.value.problem
+    assert "\n" not in caught.value.problem
+    assert json.loads(path.read_text()) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(CospeechError, match=r"record\.json can't be written \(.+\)"):
+        write_json(tmp_path / "file" / "record.json", {})
+
+
+def test_a_resumed_record_knows_what_it_was(tmp_path):
+    first = RunRecord(tmp_path / "record.json", FACTS)
+    first.add_epoch(0, {"val/fgd": 1.0})
+    first.update(fit={"asked": 1, "ended": 1}, objective=1.0)
+    first.finish("interrupted", "stopped")
+    second = RunRecord(tmp_path / "record.json", FACTS)
+    assert second.earlier["status"] == "interrupted"
+    assert second.values["status"] == "running"
+    assert second.values["epochs"] == [{"epoch": 0, "val/fgd": 1.0}]
+    assert second.values["fit"] == {"asked": 1, "ended": 1}
+    assert second.values["objective"] == 1.0
