@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cospeech.errors import ConfigError
 from cospeech.matching.control.quantities import QUANTITIES, Values
 from cospeech.matching.control.source import Source
-from cospeech.matching.control.suggestions import did_you_mean
+from cospeech.suggestions import did_you_mean
 from cospeech.matching.control.words import WordPattern
 from cospeech.motion.phases import PHASE_INDEX, PHASES
 

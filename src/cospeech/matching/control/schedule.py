@@ -13,7 +13,7 @@ import yaml
 
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.matching.control.expressions import Criterion, parse_criterion
-from cospeech.matching.control.suggestions import did_you_mean
+from cospeech.suggestions import did_you_mean
 from cospeech.matching.control.words import WordPattern
 
 MOST_BYTES = 2**18
