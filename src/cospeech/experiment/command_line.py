@@ -142,10 +142,12 @@ def _end(error: CospeechError) -> None:
 
 
 def _end_of_multirun() -> None:
-    print(f"\n{len(_failed_jobs)} jobs failed:", file=sys.stderr)
+    print(f"\n{len(_failed_jobs)} of the jobs failed:", file=sys.stderr)
     for overrides, told in _failed_jobs:
         first, *more = told.splitlines()
-        print("\n".join([f"  {overrides}: {first}", *(f"  {line}" for line in more)]), file=sys.stderr)
+        print(
+            "\n".join([f"  {overrides}: {first}", *(f"  {line}" for line in more)]), file=sys.stderr
+        )
     sys.exit(1)
 
 

@@ -58,7 +58,10 @@ def changed_settings(cfg: DictConfig, record: Path) -> list[str]:
         ``"model.layers was 4, is 2"``, a setting each; without the number of epochs, and without
         those that follow from others (``${...}``).
     """
-    before = _leaves(_config(record), "")
+    config = _config(record)
+    if not config:
+        return []
+    before = _leaves(config, "")
     now = _leaves({key: _unresolved(cfg, key) for key in _DECIDES}, "")
     return [
         f"{key} was {_short(before, key)}, is {_short(now, key)}"

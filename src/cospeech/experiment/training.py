@@ -138,7 +138,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     for experiment_logger in loggers:
         experiment_logger.log_hyperparams(
             cast(dict[str, Any], OmegaConf.to_container(cfg.model, resolve=True))
-            | {"seed": cfg.seed, **cast(dict, OmegaConf.to_container(cfg.choices))}
+            | {"seed": cfg.seed, **cast(dict, OmegaConf.to_container(cfg.choices, resolve=True))}
         )
     trainer: Trainer = instantiate(
         cfg.trainer, callbacks=callbacks, logger=loggers or False, default_root_dir=str(folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +90,8 @@ def check_typed(command: Command, overrides: Sequence[str], multirun: bool) -> N
             )
     if multirun:
         given = {override.key_or_group for override in typed}
-        swept = [(k, v) for k, v in cfg.hydra.sweeper.get("params", {}).items() if k not in given]
-        typed += read_overrides([f"{key}={value}" for key, value in swept])
+        swept = cfg.hydra.sweeper.get("params") or {}
+        typed += read_overrides([f"{k}={v}" for k, v in swept.items() if k not in given])
     configs = [(job, _composed(command, job, typed)) for job in _jobs(command, typed)]
     for job, cfg in configs:
         _refuse_unknown_additions(command, job, cfg)
@@ -234,7 +235,13 @@ def _explained(command: Command, job: Sequence[str], error: Exception) -> Config
     try:
         cfg = command.compose([str(override.input_line) for override in groups])
     except (HydraException, OmegaConfBaseException):
-        return _in_one_line(error)
+        told = _in_one_line(error)
+        if "In 'study/" in told.problem:
+            return ConfigError(
+                f"this study is not for {command.name}.py ({told.problem})",
+                "the first lines of its yaml in conf/study have the command that runs it",
+            )
+        return told
     for override in others:
         if not override.is_add():
             refused = _unknown(command, cfg, override)
@@ -350,7 +357,7 @@ def _refuse_unknown_additions(command: Command, job: Sequence[str], cfg: DictCon
         above, name, node = _first_missing(without, key)
         if name is None:
             continue
-        if len(above) == 1 and above[0] in _OPEN_GROUPS and "_target_" in cfg[above[0]][name]:
+        if len(above) == 1 and above[0] in _OPEN_GROUPS and _has(cfg[above[0]][name], "_target_"):
             continue
         if any("_target_" in node for node in _objects_above(without, above)):
             continue  # a name of its own arguments, or it is refused with those
@@ -374,7 +381,7 @@ def _refuse_choices_of_others(command: Command, job: Sequence[str], cfg: DictCon
     chosen = [group for group in _OF_ONE_MODEL if choices.get(group) not in (None, "full")]
     if not chosen or not isinstance(cfg.get("model"), DictConfig):
         return
-    alone = set(command.compose([f"model={choices.model}"]).model)
+    alone = _settings_of_model(command, str(choices.model))
     for group in chosen:
         if _changes(command, group, choices[group]) - alone:
             fitting = [
@@ -387,6 +394,11 @@ def _refuse_choices_of_others(command: Command, job: Sequence[str], cfg: DictCon
                 f" {', '.join(sorted(_changes(command, group, choices[group]) - alone))}",
                 f"{group}s for it: {', '.join(fitting) or 'none'}",
             )
+
+
+@cache
+def _settings_of_model(command: Command, model: str) -> frozenset[str]:
+    return frozenset(str(key) for key in command.compose([f"model={model}"]).model)
 
 
 def _changes(command: Command, group: str, name: str) -> set[str]:

@@ -13,8 +13,8 @@ import yaml
 
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.matching.control.expressions import Criterion, parse_criterion
-from cospeech.suggestions import did_you_mean
 from cospeech.matching.control.words import WordPattern
+from cospeech.suggestions import did_you_mean
 
 MOST_BYTES = 2**18
 MOST_ENTRIES = 1000
