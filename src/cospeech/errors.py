@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -42,3 +45,28 @@ class InputFileError(CospeechError):
 
 class ConfigError(CospeechError):
     """A combination of settings that can't work, found before anything is computed."""
+
+
+def exit_status(main: Callable[[], int]) -> int:
+    """The exit status of a module that is run: what its `main` returns, without tracebacks.
+
+    Ctrl-C gives 130, a system's refusal (a full disk, no permission) 2 and its reason in one line;
+    a reader of the output that has left, as ``head`` does, is no error.
+    """
+    try:
+        status = main()
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        print("\nstopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  # or Python complains at exit
+        return 0
+    except OSError as error:
+        where = "" if error.filename is None else f"{error.filename}: "
+        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
+        return 2
+    except MemoryError:
+        print("error: the memory isn't enough", file=sys.stderr)
+        return 2
+    return status

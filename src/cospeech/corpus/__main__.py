@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
-from cospeech.errors import CospeechError
+from cospeech.errors import CospeechError, exit_status
 from cospeech.motion.joint_map import load_joint_map
 
 
@@ -89,4 +89,4 @@ def _write(path: Path, text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

@@ -10,8 +10,9 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, cast
 
 import hydra
 from hydra._internal.utils import get_args_parser
@@ -94,6 +95,9 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         warnings.filterwarnings("ignore", message=message)
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     torch.set_float32_matmul_precision("high")
+    for handler in _log_files():
+        # Hydra opens it in the terminal's encoding, which may know no letter of a path.
+        cast(TextIOWrapper, handler.stream).reconfigure(encoding="utf-8", errors="backslashreplace")
     multirun = HydraConfig.get().mode == RunMode.MULTIRUN
     try:
         if multirun:
@@ -136,12 +140,12 @@ def _arguments() -> argparse.Namespace:
     return given
 
 
-def _end(error: CospeechError) -> None:
+def _end(error: CospeechError) -> NoReturn:
     print(f"error: {error}", file=sys.stderr)
     sys.exit(1)
 
 
-def _end_of_multirun() -> None:
+def _end_of_multirun() -> NoReturn:
     print(f"\n{len(_failed_jobs)} of the jobs failed:", file=sys.stderr)
     for overrides, told in _failed_jobs:
         first, *more = told.splitlines()
@@ -152,7 +156,8 @@ def _end_of_multirun() -> None:
 
 
 def _unexpected(error: Exception) -> str:
-    told = f"unexpected {type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else ''}"
+    lines = str(error).strip().splitlines()
+    told = f"unexpected {type(error).__name__}" + (f": {lines[0]}" if lines else "")
     files = [handler.baseFilename for handler in _log_files()]
     return "\n".join([told, *(f"  -> the log with all of it: {file}" for file in files)])
 

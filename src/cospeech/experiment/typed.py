@@ -210,8 +210,9 @@ def _explained(command: Command, job: Sequence[str], error: Exception) -> Config
         chosen = override.value()
         for choice in chosen if isinstance(chosen, list) else [chosen]:
             if choice is not None and str(choice) not in choices:
+                near = did_you_mean(str(choice), choices)
                 return ConfigError(
-                    f"{group}={choice}: there is no such {group}{did_you_mean(str(choice), choices)}",
+                    f"{group}={choice}: there is no such {group}{near}",
                     f"one of: {', '.join(choices)}",
                 )
     missing = [

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cospeech.errors import CospeechError
+from cospeech.errors import CospeechError, exit_status
 from cospeech.reporting.collect import collect
 from cospeech.reporting.report import text_report, write_report
 
@@ -38,4 +38,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

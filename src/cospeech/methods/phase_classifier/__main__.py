@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cospeech.corpus.splits import SPLITS
 from cospeech.corpus.store import Store
-from cospeech.errors import CospeechError
+from cospeech.errors import CospeechError, exit_status
 from cospeech.formats.phase_files.writing import phase_segments, write_elan, write_phase_table
 from cospeech.methods.phase_classifier.judging import recording_scores
 from cospeech.methods.phase_classifier.scores import PhaseScores
@@ -128,4 +128,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))
