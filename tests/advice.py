@@ -67,9 +67,10 @@ def texts(root: Path = ROOT) -> Iterator[Text]:
             if mark and "@package" not in comment:
                 yield Text(f"{path.relative_to(root)}:{number}", comment, False)
     for path in [root / "README.md", *(root / "docs").rglob("*.md"), *(root / "src").rglob("*.md")]:
-        for found in re.finditer(r"```(\w*)\n(.*?)```|`([^`\n]+)`", path.read_text(), re.DOTALL):
+        content = path.read_text()
+        for found in re.finditer(r"```(\w*)\n(.*?)```|`([^`\n]+)`", content, re.DOTALL):
             if found[1] not in ("python", "yaml"):
-                line = path.read_text()[: found.start()].count("\n") + 1
+                line = content[: found.start()].count("\n") + 1
                 yield Text(f"{path.relative_to(root)}:{line}", found[2] or found[3] or "", False)
 
 
@@ -175,6 +176,7 @@ class Known:
                 for path in [*code_files(root), *(root / "benchmarks").glob("*.py")]
             )
         )
+        self.scripts = {path.stem for path in (root / "benchmarks").rglob("*.py")}
         self.extras = set(project["optional-dependencies"])
 
     def groups(self, command: str) -> set[str]:
@@ -230,10 +232,12 @@ def _group_keys(folder: Path) -> set[str]:
 def faults(text: Text, known: Known) -> list[str]:
     """What a text tells to type and doesn't exist."""
     found = list[str]()
+    if not any(mark in text.text for mark in ("=", "python ", "--", "/", "make ")):
+        return found
     for command in SCRIPT.finditer(text.text):
         if command["script"] in COMMANDS:
             found += _settings(command["rest"], known, {command["script"]}, frozenset())
-        elif not list(known.root.glob(f"**/{command['script']}.py")):
+        elif command["script"] not in known.scripts:
             found.append(f"there is no {command['script']}.py")
     rest = SCRIPT.sub(" ", text.text)
     for command in MODULE.finditer(rest):
@@ -282,6 +286,8 @@ def _module(module: str, rest: str, known: Known) -> list[str]:
 
 def _settings(words: str, known: Known, commands: set[str], takes: AbstractSet[str]) -> list[str]:
     """Settings that none of the commands has, and that are no arguments either."""
+    if "=" not in words:
+        return []
     settings = set().union(*(known.settings[name] for name in commands))
     found = list[str]()
     for match in SETTING.finditer(words):

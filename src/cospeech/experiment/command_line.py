@@ -89,6 +89,8 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
     """
     import torch
 
+    from cospeech.experiment.context import RunInterrupted
+
     # Lightning's start-up lines (devices, an advertisement) would bury ours.
     logging.getLogger("lightning.pytorch.utilities.rank_zero").setLevel(logging.WARNING)
     for message in _SAYS_NOTHING:
@@ -105,7 +107,7 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         return task(cfg)
     except Exception as error:
         sentence = as_sentence(error, cfg)
-        if type(sentence).__name__ == "RunInterrupted":
+        if isinstance(sentence, RunInterrupted):
             print(f"\n{sentence}", file=sys.stderr)
             sys.exit(130)
         told = str(sentence) if sentence is not None else _unexpected(error)
