@@ -102,4 +102,4 @@ def _objects(node: Any, path: str) -> Iterator[tuple[str, DictConfig]]:
         yield path, node
     for key in node:
         if key != "hydra":
-            yield from _objects(node._get_node(key), f"{path}.{key}" if path else str(key))
+            yield from _objects(node._get_node(key), f"{path}.{key!s}" if path else str(key))

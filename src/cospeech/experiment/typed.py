@@ -62,7 +62,7 @@ class Command:
 
     def groups(self) -> list[str]:
         """The groups that this command has a choice of."""
-        defaults = OmegaConf.load(self.conf / f"{self.name}.yaml").get("defaults", [])
+        defaults = OmegaConf.load(self.conf / f"{self.name}.yaml").defaults
         names = [str(next(iter(item))) for item in defaults if isinstance(item, DictConfig)]
         return [name for name in names if not name.startswith("optional ")]
 
@@ -332,7 +332,7 @@ def _has(node: Any, name: str) -> bool:
 def _paths(cfg: DictConfig, above: str = "") -> Iterator[str]:
     for key in cfg:
         node = cfg._get_node(key)
-        path = f"{above}{key}"
+        path = f"{above}{key!s}"
         if path == "hydra":
             continue
         yield path
@@ -404,9 +404,9 @@ def _settings_of_model(command: Command, model: str) -> frozenset[str]:
 
 def _changes(command: Command, group: str, name: str) -> set[str]:
     """Names of the model's settings that a yaml sets."""
-    for folder in (*command.more, command.conf):
-        path = Path(folder) / group / f"{name}.yaml"
+    for folder in [*map(Path, command.more), command.conf]:
+        path = folder / group / f"{name}.yaml"
         if path.is_file():
-            model = OmegaConf.load(path).get("model")
+            model = OmegaConf.select(OmegaConf.load(path), "model")
             return {str(key) for key in model} if isinstance(model, DictConfig) else set()
     return set()
