@@ -1,14 +1,14 @@
 """Gestures for a recording: ``python generate.py run=outputs/runs/ID audio=speech.wav``."""
 
 if __name__ == "__main__":
-    import hydra
     from omegaconf import DictConfig
 
-    from cospeech.experiment import command_line, generate
+    from cospeech.experiment.command_line import command
 
-    @hydra.main(version_base="1.3", config_path="conf", config_name="generate")
-    def main(cfg: DictConfig) -> None:
-        """Hydra's entry point."""
-        command_line(generate, cfg)
+    def task(cfg: DictConfig) -> None:
+        """The task, imported when the settings are known to be good."""
+        from cospeech.experiment import generate
 
-    main()
+        generate(cfg)
+
+    command(task, __file__)

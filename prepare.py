@@ -2,14 +2,14 @@
 
 # Processes that read a corpus import this file too, and need nothing of what is below.
 if __name__ == "__main__":
-    import hydra
     from omegaconf import DictConfig
 
-    from cospeech.experiment import command_line, prepare
+    from cospeech.experiment.command_line import command
 
-    @hydra.main(version_base="1.3", config_path="conf", config_name="prepare")
-    def main(cfg: DictConfig) -> None:
-        """Hydra's entry point."""
-        command_line(prepare, cfg)
+    def task(cfg: DictConfig) -> None:
+        """The task, imported when the settings are known to be good."""
+        from cospeech.experiment import prepare
 
-    main()
+        prepare(cfg)
+
+    command(task, __file__)

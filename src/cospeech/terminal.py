@@ -1,16 +1,68 @@
-"""Terminals that can't show everything."""
+"""What every command owes to its terminal: printing that never ends it, and an exit status."""
 
 from __future__ import annotations
 
 import io
+import os
 import sys
+from collections.abc import Callable
+from typing import Any
 
 
-def replace_unprintable() -> None:
-    """Print ``?`` for characters that the encoding of standard output or error lacks.
+class _KeepsGoing(io.FileIO):
+    """A stream of the process whose failures to write are nobody's business but the reader's."""
 
-    Without it an ASCII terminal ends a command, its work done, at the first arrow or umlaut.
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError:
+            return memoryview(data).nbytes
+
+
+def keep_printing() -> None:
+    """Make stdout and stderr of this process take every text and never raise.
+
+    Letters that the terminal can't show are written as escapes. What can't be written, because the
+    reader of a pipe has left or the disk under a redirection is full, is left out.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None or stream is not getattr(sys, f"__{name}__"):
+            continue  # closed, or taken over by whoever imported us
+        try:
+            raw = _KeepsGoing(stream.fileno(), "w", closefd=False)
+        except (OSError, ValueError):
+            continue
+        replacement = io.TextIOWrapper(
+            io.BufferedWriter(raw),
+            encoding=stream.encoding,
+            errors="backslashreplace",
+            line_buffering=True,
+        )
+        setattr(sys, name, replacement)
+
+
+def exit_status(main: Callable[[], int]) -> int:
+    """The exit status of a module that is run: what its `main` returns, without tracebacks.
+
+    Ctrl-C gives 130, a system's refusal (a full disk, no permission) 2 and its reason in one line;
+    a reader of the output that has left, as ``head`` does, is no error.
+    """
+    keep_printing()
+    try:
+        status = main()
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        print("\nstopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  # or Python complains at exit
+        return 0
+    except OSError as error:
+        where = "" if error.filename is None else f"{error.filename}: "
+        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
+        return 2
+    except MemoryError:
+        print("error: the memory isn't enough", file=sys.stderr)
+        return 2
+    return status

@@ -4,6 +4,7 @@ import csv
 import sqlite3
 
 import pytest
+import yaml
 
 from tests import command_line
 
@@ -16,6 +17,7 @@ EXPECTED = {
     "val/joint_mae",
     "train/loss",
 }
+CHOSEN = {"model": "trimodal", "data": "synthetic", "ablation": "full", "experiment": None}
 RUN = ("model=trimodal", "debug=fast", "model.hidden_size=16", "model.layers=1", "test=false")
 
 
@@ -40,6 +42,9 @@ def test_csv_and_tensorboard_by_default(outputs):
     events = EventAccumulator(str(folder / "tensorboard"))
     events.Reload()
     assert set(events.Tags()["scalars"]) >= EXPECTED
+    for kind in ("tensorboard", "csv/version_0"):
+        settings = yaml.safe_load((folder / kind / "hparams.yaml").read_text())
+        assert CHOSEN.items() <= settings.items()
 
 
 def test_wandb_works_offline_without_an_account(outputs):
@@ -50,6 +55,8 @@ def test_wandb_works_offline_without_an_account(outputs):
     content = log.read_bytes()
     for name in EXPECTED:
         assert name.encode() in content
+    assert b"trimodal" in content
+    assert b"runtime.choices" not in content
 
 
 def test_mlflow_keeps_a_local_store(outputs):
@@ -58,4 +65,6 @@ def test_mlflow_keeps_a_local_store(outputs):
     assert done.returncode == 0, done.stdout + done.stderr
     with sqlite3.connect(outputs / "mlflow.db") as database:
         names = {row[0] for row in database.execute("select distinct key from metrics")}
+        settings = dict(database.execute("select key, value from params").fetchall())
     assert names >= EXPECTED
+    assert {key: settings[key] for key in CHOSEN} == {k: str(v) for k, v in CHOSEN.items()}

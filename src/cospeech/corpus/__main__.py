@@ -16,6 +16,7 @@ from cospeech.errors import CospeechError
 from cospeech.motion.bvh import UP_AXES
 from cospeech.motion.joint_map import load_joint_map
 from cospeech.motion.phases import PHASES
+from cospeech.terminal import exit_status
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -128,4 +129,4 @@ def _write(path: Path, text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

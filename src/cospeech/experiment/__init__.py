@@ -1,17 +1,39 @@
-"""Runs, from a composed config to a record: the only room of the package that knows Hydra."""
+"""Runs, from a composed config to a record: the only room of the package that knows Hydra.
 
-from cospeech.experiment.command_line import command_line
-from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
-from cospeech.experiment.folders import run_folder, run_identity
-from cospeech.experiment.generating import generate
-from cospeech.experiment.judging import evaluate, prepare
-from cospeech.experiment.training import run
+Names are imported when they are asked for: the commands answer ``--help`` and typing errors
+without waiting for the libraries that a run needs.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from cospeech.experiment import folders as folders  # registers the resolver of run folders
+
+if TYPE_CHECKING:
+    from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
+    from cospeech.experiment.folders import run_folder, run_identity
+    from cospeech.experiment.generating import generate
+    from cospeech.experiment.judging import evaluate, prepare
+    from cospeech.experiment.training import run
+
+_ROOMS = {
+    "RunContext": "context",
+    "RunInterrupted": "context",
+    "RunResult": "context",
+    "evaluate": "judging",
+    "generate": "generating",
+    "prepare": "judging",
+    "run": "training",
+    "run_folder": "folders",
+    "run_identity": "folders",
+}
 
 __all__ = [
     "RunContext",
     "RunInterrupted",
     "RunResult",
-    "command_line",
     "evaluate",
     "generate",
     "prepare",
@@ -19,3 +41,9 @@ __all__ = [
     "run_folder",
     "run_identity",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ROOMS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)

@@ -8,13 +8,19 @@ import shlex
 import sys
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from cospeech.errors import ConfigError
-from cospeech.reporting.record import read_record
+from cospeech.errors import ConfigError, InputFileError
+from cospeech.foreign import read_json
+
+_DECIDES = ("model", "data", "training", "metrics", "seed")
+"""The parts of a config that decide what a run computes."""
+
+_SETTINGS_SHOWN = 6
 
 
 def resume_command() -> str:
@@ -31,7 +37,7 @@ def run_identity(cfg: DictConfig) -> str:
 
     The number of epochs is left out, so that a run can be made longer.
     """
-    parts = {key: cfg.get(key) for key in ("model", "data", "training", "metrics", "seed")}
+    parts = {key: cfg.get(key) for key in _DECIDES}
     values = OmegaConf.to_container(OmegaConf.create({**parts}), resolve=False)
     assert isinstance(values, dict)
     values["training"] = {
@@ -39,6 +45,31 @@ def run_identity(cfg: DictConfig) -> str:
     }
     text = json.dumps(values, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def changed_settings(cfg: DictConfig, record: Path) -> list[str]:
+    """The settings that decide what a run computes and differ from a run's record.
+
+    Args:
+        cfg: Composed from ``conf/train.yaml``.
+        record: A ``record.json``; one that can't be read tells of no difference.
+
+    Returns:
+        ``"model.layers was 4, is 2"``, a setting each; without the number of epochs, and without
+        those that follow from others (``${...}``).
+    """
+    config = _config(record)
+    if not config:
+        return []
+    before = _leaves(config, "")
+    now = _leaves({key: _unresolved(cfg, key) for key in _DECIDES}, "")
+    return [
+        f"{key} was {_short(before, key)}, is {_short(now, key)}"
+        for key in sorted(before.keys() | now.keys())
+        if key != "training.epochs"
+        and before.get(key, _ABSENT) != now.get(key, _ABSENT)
+        and "${" not in str(now.get(key))
+    ]
 
 
 def run_folder(
@@ -51,24 +82,71 @@ def run_folder(
         parent: Folder that holds the runs.
         prefix: ``<model>-<data>-<ablation>-s<seed>``.
         checkpoint: The config's ``ckpt_path``.
+
+    Raises:
+        ConfigError: ``ckpt_path=last`` and no run has these settings; names those that differ from
+            the newest run of the prefix.
     """
     folder = Path(parent)
     if checkpoint == "last":
         identity = run_identity(_root_)
-        found = [
-            path.parent
-            for path in sorted(folder.glob(f"{prefix}-*/record.json"))
-            if read_record(path).get("identity") == identity
-        ]
+        records = sorted(folder.glob(f"{prefix}-*/record.json"))
+        found = [path.parent for path in records if _values(path).get("identity") == identity]
         if found:
             return found[-1].name if mode == "sweep" else str(found[-1])
         if mode == "run":
             raise ConfigError(
-                f"ckpt_path=last: no run {prefix}-* with these settings in {folder}",
-                "start it without ckpt_path, or give the checkpoint's file",
+                f"ckpt_path=last: no run {prefix}-* with these settings in {folder}"
+                + (_difference(_root_, records[-1]) if records else ""),
+                "leave ckpt_path out for a new run, or give a run's checkpoint: ckpt_path=FILE",
             )
     name = f"{prefix}-{datetime.now():%Y%m%d-%H%M%S-%f}"
     return name if mode == "sweep" else str(folder / name)
+
+
+def _difference(cfg: DictConfig, record: Path) -> str:
+    changed = changed_settings(cfg, record)
+    if not changed:
+        return ""
+    more = len(changed) - _SETTINGS_SHOWN
+    shown = [*changed[:_SETTINGS_SHOWN], *([f"and {more} more"] if more > 0 else [])]
+    return f"; in the newest, {record.parent.name}, {'; '.join(shown)}"
+
+
+_ABSENT = object()
+
+
+def _short(values: dict[str, Any], key: str) -> str:
+    return str(values[key])[:80] if key in values else "absent"
+
+
+def _unresolved(cfg: DictConfig, key: str) -> Any:
+    node = cfg.get(key)
+    return OmegaConf.to_container(node, resolve=False) if OmegaConf.is_config(node) else node
+
+
+def _leaves(value: Any, path: str) -> dict[str, Any]:
+    """Every value of a tree by its dotted name."""
+    if not isinstance(value, dict) or not value:
+        return {path: value}
+    found = dict[str, Any]()
+    for key, item in value.items():
+        found |= _leaves(item, f"{path}.{key}" if path else str(key))
+    return found
+
+
+def _config(record: Path) -> dict[str, Any]:
+    config = _values(record).get("config")
+    return {key: config.get(key) for key in _DECIDES} if isinstance(config, dict) else {}
+
+
+def _values(record: Path) -> dict[str, Any]:
+    """What a record says, as plain values; nothing where it is damaged."""
+    try:
+        values = read_json(record, "a run's record")
+    except InputFileError:
+        return {}
+    return values if isinstance(values, dict) else {}
 
 
 OmegaConf.register_new_resolver("run_folder", run_folder, use_cache=False)

@@ -174,7 +174,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     for experiment_logger in loggers:
         experiment_logger.log_hyperparams(
             cast(dict[str, Any], OmegaConf.to_container(cfg.model, resolve=True))
-            | {"seed": cfg.seed, **cast(dict, OmegaConf.to_container(cfg.choices))}
+            | {"seed": cfg.seed, **cast(dict, OmegaConf.to_container(cfg.choices, resolve=True))}
         )
     # A fit that has ended is only loaded again, and the run goes on behind it.
     fit = record.values["fit"] or {}

@@ -10,7 +10,7 @@ from pathlib import Path
 from cospeech.errors import CospeechError
 from cospeech.reporting.collect import collect
 from cospeech.reporting.report import text_report, write_report
-from cospeech.terminal import replace_unprintable
+from cospeech.terminal import exit_status
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,7 +27,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
     parser.add_argument("--output", type=Path, help="page to write (FOLDER/report.html)")
     given = parser.parse_args(arguments)
-    replace_unprintable()
     try:
         collection = collect(given.folder)
         print(text_report(collection, "markdown" if given.markdown else "text"))
@@ -40,4 +39,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from cospeech.errors import ConfigError
 from cospeech.matching.control.quantities import QUANTITIES, Values
 from cospeech.matching.control.source import Source
-from cospeech.matching.control.suggestions import did_you_mean
 from cospeech.matching.control.words import WordPattern
 from cospeech.motion.phases import PHASE_INDEX, PHASES
+from cospeech.suggestions import did_you_mean
 
 CONSTANTS: dict[str, float] = {"cm": 0.01, "m": 1.0, "s": 1.0}
 """Units to write numbers with: ``22*cm``, ``19*cm/s``."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import ConfigError
-from cospeech.matching.control.suggestions import did_you_mean
+from cospeech.suggestions import did_you_mean
 
 Values = NDArray[np.float64]
 _Measure = Callable[[Mapping[str, Values], float], Values]

@@ -11,8 +11,8 @@ from typing import Any, Literal, cast, get_args
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.foreign import read_json, read_yaml
 from cospeech.matching.control.expressions import Criterion, parse_criterion
-from cospeech.matching.control.suggestions import did_you_mean
 from cospeech.matching.control.words import WordPattern
+from cospeech.suggestions import did_you_mean
 
 MOST_BYTES = 2**18
 MOST_ENTRIES = 1000

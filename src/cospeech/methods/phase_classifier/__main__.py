@@ -24,6 +24,7 @@ from cospeech.motion.phases import PHASE_INDEX, PHASES
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import Speech
+from cospeech.terminal import exit_status
 
 _PHASE_OF_CLASS = {"other": "none", "no_stroke": "none", "rest": "rest_hold"} | {
     "retraction": "retract"
@@ -138,4 +139,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

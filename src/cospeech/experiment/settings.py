@@ -1,0 +1,105 @@
+"""Whether the settings of an object in the config are arguments that its constructor takes."""
+
+from __future__ import annotations
+
+import inspect
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hydra._internal.utils import _locate  # get_object logs each failure as an error
+from omegaconf import DictConfig, ListConfig
+
+from cospeech.errors import ConfigError
+from cospeech.suggestions import did_you_mean
+
+_OF_HYDRA = ("_target_", "_partial_", "_recursive_", "_convert_", "_args_")
+_OURS = ("cospeech.", "data_modules.", "callbacks.")
+_WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+
+
+def known_arguments(target: str) -> list[str] | None:
+    """Names that a class or function takes; None where it takes any, or doesn't say.
+
+    Raises:
+        ConfigError: There is no such class or function.
+    """
+    parameters = _parameters(target)
+    return None if parameters is None else list(parameters)
+
+
+def refuse_unknown_settings(cfg: DictConfig) -> None:
+    """Compare every object of a config with its constructor's arguments; nothing is constructed.
+
+    Values are compared with the types that our own constructors declare.
+
+    Raises:
+        ConfigError: A setting that isn't an argument, with the nearest one; or a text in the place
+            of a number and the like.
+    """
+    for path, node in _objects(cfg, ""):
+        target = str(node["_target_"])
+        known = _parameters(target)
+        if known is None:
+            continue
+        for key in node:
+            name = str(key)
+            if name in _OF_HYDRA:
+                continue
+            if name not in known:
+                raise ConfigError(
+                    f"{path}.{name}: {target.rpartition('.')[2]} has no such setting"
+                    + did_you_mean(name, known),
+                    f"{path} knows: {', '.join(sorted(known))}",
+                )
+            if target.startswith(_OURS):
+                _refuse_other_type(f"{path}.{name}", node._get_node(key), known[name].annotation)
+
+
+def _parameters(target: str) -> Mapping[str, inspect.Parameter] | None:
+    try:
+        callee = _locate(target)
+        try:
+            parameters = inspect.signature(callee, eval_str=True).parameters
+        except NameError:  # a name for the type checker alone
+            parameters = inspect.signature(callee).parameters
+    except (ImportError, AttributeError) as error:
+        told = str(error.__cause__ or error).strip().split("\n")[0]
+        raise ConfigError(f"_target_={target} can't be imported: {told}") from None
+    except (TypeError, ValueError):  # some builtins have no signature
+        return None
+    takes_any = any(p.kind is inspect.Parameter.VAR_KEYWORD for p in parameters.values())
+    return None if takes_any else parameters
+
+
+def _refuse_other_type(path: str, node: Any, annotation: Any) -> None:
+    union = isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is typing.Union
+    wanted = set(typing.get_args(annotation) if union else [annotation])
+    if not wanted <= {int, float, bool, str, types.NoneType} or not hasattr(node, "_value"):
+        return
+    if node._is_missing() or node._is_interpolation():
+        return
+    value = node._value()
+    given = type(value)
+    if given in wanted or (given is int and float in wanted):
+        return
+    if given is float and int in wanted and value.is_integer():
+        return
+    words = " or ".join(_WORDS[kind] for kind in (int, float, bool, str) if kind in wanted)
+    told = "a list or a mapping" if isinstance(node, DictConfig | ListConfig) else repr(value)
+    hint = f"as a text: '{path}=\"{value}\"'" if str in wanted and given in (int, float) else None
+    raise ConfigError(f"{path}: wants {words}, not {told}", hint)
+
+
+def _objects(node: Any, path: str) -> Iterator[tuple[str, DictConfig]]:
+    if isinstance(node, ListConfig) and not node._is_none():
+        for index in range(len(node)):
+            yield from _objects(node._get_node(index), f"{path}.{index}")
+    if not isinstance(node, DictConfig) or node._is_none() or node._is_missing():
+        return
+    if "_target_" in node:
+        yield path, node
+    for key in node:
+        if key != "hydra":
+            yield from _objects(node._get_node(key), f"{path}.{key!s}" if path else str(key))

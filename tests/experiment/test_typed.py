@@ -1,0 +1,183 @@
+"""What is typed behind a command: read, quoted, checked, and explained in one line."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
+
+from cospeech.errors import ConfigError
+from cospeech.experiment.help import help_text
+from cospeech.experiment.typed import Command, check_typed, quoted_argument, read_overrides
+
+CONF = Path(__file__).resolve().parents[2] / "conf"
+TRAIN, GENERATE = Command("train", CONF), Command("generate", CONF)
+
+
+def refused(*overrides: str, command: Command = TRAIN, multirun: bool = False) -> ConfigError:
+    with pytest.raises(ConfigError) as error:
+        check_typed(command, list(overrides), multirun)
+    return error.value
+
+
+@pytest.mark.parametrize(
+    ("typed", "problem"),
+    [
+        (["modl=trimodal"], "modl: there is no such setting; did you mean 'model'?"),
+        (["model=trimodl"], "model=trimodl: there is no such model; did you mean 'trimodal'?"),
+        (["model=trimodal", "data=ned"], "data=ned: there is no such data; did you mean 'ted'?"),
+        (
+            ["model=trimodal", "model.hiden_size=3"],
+            "model.hiden_size: there is no such setting; did you mean 'hidden_size'?",
+        ),
+        (
+            ["model=trimodal", "trainer.max_epoch=3"],
+            "trainer.max_epoch: there is no such setting; did you mean 'max_epochs'?",
+        ),
+        (
+            ["model=trimodal", "data=mocap", "data.rot=x"],
+            "data.rot: there is no such setting; did you mean 'root'?",
+        ),
+        (
+            ["model=trimodal", "hidden_size=3"],
+            "hidden_size: there is no such setting; did you mean 'model.hidden_size'?",
+        ),
+        (["model=knn", "+sede=3"], "sede: there is no such setting; did you mean 'seed'?"),
+        (["model=knn", "++sede=3"], "sede: there is no such setting; did you mean 'seed'?"),
+        (
+            ["model=knn", "+training.ephocs=3"],
+            "training.ephocs: there is no such setting; did you mean 'epochs'?",
+        ),
+        (["model=knn", "~data.mintes"], "did you mean 'minutes'?"),
+        (
+            ["model=knn", "ablation=trimodal__no_audio"],
+            "ablation=trimodal__no_audio is not of model=knn, which has no context",
+        ),
+        (["model=knn", "experiment=trimodal_quick"], "is not of model=knn"),
+        (["model=knn", "seed=1,2"], "seed=1,2: several values, and this is one run"),
+        (["model=knn", "trimodal"], "trimodal: settings are written name=value"),
+        ([], "model is not set"),
+    ],
+)
+def test_a_slip_is_one_line_with_the_nearest_name(typed, problem):
+    error = refused(*typed)
+    assert problem in error.problem
+    assert "\n" not in error.problem
+    assert error.hint
+
+
+def test_without_a_model_the_models_are_listed():
+    assert "trimodal" in str(refused().hint)
+    assert "motion_autoencoder" in str(refused().hint)
+
+
+def test_the_ablations_of_the_model_are_listed():
+    hint = str(refused("model=knn", "ablation=trimodal__no_audio").hint)
+    assert "knn__crossfade" in hint
+    assert "trimodal" not in hint
+
+
+def test_an_unknown_addition_of_another_command_is_refused():
+    assert "export: there is no such setting" in refused("+export=bvh", command=GENERATE).problem
+
+
+def test_an_argument_of_an_object_may_be_added_and_no_other():
+    check_typed(TRAIN, ["model=knn", "+trainer.fast_dev_run=true"], False)
+    assert "did you mean 'fast_dev_run'" in refused("model=knn", "+trainer.fast_dev_runn=1").problem
+    error = refused("model=knn", "trainer.fast_dev_run=true")
+    assert "+trainer.fast_dev_run=true" in str(error.hint)
+
+
+def test_a_callback_may_be_added_if_it_says_what_it_is():
+    stop = "lightning.pytorch.callbacks.EarlyStopping"
+    added = ["+callbacks.stop._target_=" + stop, "+callbacks.stop.monitor=val/fgd"]
+    check_typed(TRAIN, ["model=trimodal", *added], False)
+    error = refused("model=trimodal", added[0], "+callbacks.stop.montor=val/fgd")
+    assert "callbacks.stop.montor: EarlyStopping has no such setting" in error.problem
+    assert "nonsense" in refused("model=knn", "+callbacks.x._target_=nonsense.X").problem
+    assert "callbacks.x" in refused("model=knn", "+callbacks.x=3").problem
+
+
+@pytest.mark.parametrize(
+    ("typed", "problem"),
+    [
+        ("model.hidden_size=many", "model.hidden_size: wants a whole number, not 'many'"),
+        ("model.dropout=[1]", "model.dropout: wants a number, not a list or a mapping"),
+        ("model.mean_style=3", "model.mean_style: wants true or false, not 3"),
+    ],
+)
+def test_a_value_of_another_type_is_named_before_anything_is_made(typed, problem):
+    assert problem in refused("model=trimodal", typed).problem
+
+
+def test_a_folder_named_like_a_number_gets_its_quotes():
+    error = refused("model=trimodal", "data=mocap", "data.root=123")
+    assert """'data.root="123"'""" in str(error.hint)
+    check_typed(TRAIN, ["model=trimodal", "data=mocap", 'data.root="123"'], False)
+
+
+def test_every_value_of_a_sweep_is_checked():
+    check_typed(TRAIN, ["model=trimodal", "ablation=full,trimodal__no_audio", "seed=0,1"], True)
+    assert (
+        "is not of model=knn"
+        in refused("model=knn,trimodal", "ablation=full,trimodal__no_audio", multirun=True).problem
+    )
+    assert (
+        "wants a whole number"
+        in refused("model=trimodal", "model.hidden_size=8,many", multirun=True).problem
+    )
+
+
+@pytest.mark.slow
+def test_a_study_brings_its_sweep():
+    check_typed(TRAIN, ["study=knn_options"], False)
+    error = refused("study=trimodal_ablations", "experiment=knn_cgan_quick")
+    assert "is not of model=trimodal" in error.problem
+    error = refused("study=trimodal_ablations", command=Command("evaluate", CONF))
+    assert "not for evaluate.py" in error.problem
+
+
+# Quoting ---------------------------------------------------------------------------------------
+
+REFUSED_UNQUOTED = ["=", ",", "[x]", "(1)", "{", "}", "ä", "é", "東", "🎉", "'", '"', "#", "!", "&"]
+MEANS_SOMETHING = ["${x}", "\\${x}", "\\", '\\"', "\\\\'", " ", "$", ":", "~", "`", ";", "<", "^"]
+
+
+@pytest.mark.parametrize("letter", REFUSED_UNQUOTED + MEANS_SOMETHING)
+@pytest.mark.parametrize("path", ["/my/dir{}ectory", "/my/{}", "{}x", "/a b/{0}{0}, c"])
+def test_the_suggested_argument_is_the_users_path(letter, path):
+    path = path.format(letter) if "{0}" not in path else path.replace("{0}", letter)
+    (argument,) = shlex.split(quoted_argument(f"data.root={path}"))
+    override = OverridesParser.create().parse_override(argument)
+    assert not override.is_sweep_override()
+    assert OmegaConf.create({"root": override.value()}).root == path
+
+
+def test_the_quoting_of_the_readme_is_what_is_suggested():
+    assert quoted_argument("data.root=/a, b=c") == """'data.root="/a, b=c"'"""
+    assert quoted_argument("data.root=/plain/path") == "data.root=/plain/path"
+
+
+@pytest.mark.parametrize("letter", REFUSED_UNQUOTED)
+def test_a_path_that_hydra_refuses_gets_its_own_quoting(letter):
+    argument = f"data.root=/my/di{letter}r/x"
+    error = refused("model=trimodal", "data=mocap", argument)
+    assert quoted_argument(argument) in str(error.hint)
+    read_overrides(shlex.split(quoted_argument(argument)))
+
+
+# Help ------------------------------------------------------------------------------------------
+
+
+def test_help_names_groups_choices_and_examples_before_a_model_is_chosen():
+    text = help_text(TRAIN, [])
+    assert "python train.py model=NAME" in text
+    for name in ("trimodal", "mocap", "trimodal__no_audio", "tensorboard", "--multirun"):
+        assert name in text
+    assert max(len(line) for line in text.splitlines()) <= 110
+
+
+def test_help_shows_the_settings_of_what_is_chosen():
+    assert "hidden_size: 300" in help_text(TRAIN, ["model=trimodal"])
+    assert "transcript:" in help_text(GENERATE, [])

@@ -1,0 +1,73 @@
+"""Modules that are run end without a traceback, whatever stops them."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from cospeech.terminal import exit_status
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "told"),
+    [
+        (KeyboardInterrupt(), 130, "stopped"),
+        (PermissionError(13, "Permission denied", "some/file"), 2, "some/file: Permission denied"),
+        (OSError(28, "No space left on device"), 2, "No space left on device"),
+        (MemoryError(), 2, "memory"),
+    ],
+)
+def test_what_stops_a_module_is_one_line(capsys, error, status, told):
+    def main():
+        raise error
+
+    assert exit_status(main) == status
+    assert told in capsys.readouterr().err
+
+
+def test_a_status_is_passed_on_and_a_bug_keeps_its_traceback():
+    assert exit_status(lambda: 1) == 1
+    with pytest.raises(KeyError):
+        exit_status(lambda: {}["x"])
+
+
+def test_a_reader_that_leaves_is_no_error():
+    code = (
+        "import sys; from cospeech.terminal import exit_status\n"
+        "def main():\n    print('x' * 10**6)\n    return 0\n"
+        "sys.exit(exit_status(main))"
+    )
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE, timeout=60
+    )
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["cospeech.corpus"],
+        ["cospeech.corpus", "doctor"],
+        ["cospeech.corpus", "doctor", "absent"],
+        ["cospeech.reporting"],
+        ["cospeech.reporting", "absent"],
+        ["cospeech.methods.phase_classifier"],
+        ["cospeech.methods.phase_classifier", "score", "absent", "--classifier", "absent.pt"],
+    ],
+)
+def test_a_missing_argument_or_folder_is_no_traceback(tmp_path, arguments):
+    done = subprocess.run(
+        [sys.executable, "-m", *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode in (1, 2)
+    assert "error: " in done.stderr
+    assert "Traceback" not in done.stderr
