@@ -9,11 +9,15 @@ from pathlib import Path
 import pytest
 import torch
 
+from cospeech.corpus.build_folder import BuildFolder
 from cospeech.corpus.store import Store
+from cospeech.encoders import encoder_for, keep_encoder
 from cospeech.errors import InputFileError
+from cospeech.evaluation import read_rows
 from cospeech.formats.berkeley.rows import index_rows
 from cospeech.formats.uci_phases import read_uci_recording
 from cospeech.matching.database import open_database
+from cospeech.methods.multi_adversary.products import Products
 from cospeech.metrics.encoder import load_any
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.nn.weights_file import filled, read_checkpoint, read_weights
@@ -219,3 +223,75 @@ def test_a_network_is_made_only_for_weights_of_its_size():
         filled(lambda: torch.nn.Linear(3, 2), {"weight": state["weight"]})
     with pytest.raises(ValueError, match="no place for 'more'"):
         filled(lambda: torch.nn.Linear(3, 2), {**state, "more": state["bias"]})
+
+
+def test_damaged_reference_rows_are_computed_again(tmp_path, caplog):
+    path = tmp_path / "rows.json"
+    assert read_rows(path) is None
+    assert not caplog.messages
+    path.write_text('{"noise": {"fgd": 3.5, "mae": null}}')
+    assert read_rows(path) == {"noise": {"fgd": 3.5, "mae": None}}
+    for content in ("", "{", "[1]", '{"noise": 3}', '{"noise": {"fgd": "x"}}', "{}", "\0"):
+        path.write_text(content)
+        assert read_rows(path) is None
+        assert "the reference rows are computed again" in caplog.messages[-1]
+        assert str(path) in caplog.messages[-1]
+
+
+def test_damaged_products_of_stages_are_made_again(tmp_path, caplog):
+    products = Products(str(tmp_path))
+    key = "ab" * 32
+    products.keep("classifier", key, {"a": torch.ones(3)})
+    path = products.path("classifier", key)
+    whole = path.read_bytes()
+    assert torch.equal(products.find("classifier", key)["a"], torch.ones(3))
+    for content in (b"", whole[:-50], b"\x80\x02}q\x00."):
+        path.write_bytes(content)
+        assert products.find("classifier", key) is None
+        assert "classifier is done again" in caplog.messages[-1]
+        assert str(path) in caplog.messages[-1]
+    products.keep("pretraining", key, {})
+    products.path("pretraining", key).rename(path)
+    assert products.find("classifier", key) is None
+    assert "not the product of classifier" in caplog.messages[-1]
+
+
+def test_a_damaged_encoder_of_a_store_is_trained_again(store, caplog, monkeypatch, tmp_path):
+    (ours, *_) = seeds.encoders(tmp_path)
+    encoder = load_any(ours)
+    trained = []
+
+    def train(*arguments):
+        trained.append(arguments)
+        return encoder
+
+    monkeypatch.setattr("cospeech.encoders._train", train)
+    path = keep_encoder(store, encoder, 3, 0)
+    whole = path.read_bytes()
+    assert encoder_for(store, "trained", 3, 0).sha256 == encoder.sha256
+    assert not trained
+    for number, content in enumerate((b"", whole[:-100], b"[]"), 1):
+        path.write_bytes(content)
+        assert encoder_for(store, "trained", 3, 0).sha256 == encoder.sha256
+        assert len(trained) == number
+        assert path.read_bytes() == whole
+        warnings = [text for text in caplog.messages if "trained again" in text]
+        assert str(path) in warnings[-1]
+
+
+@pytest.mark.parametrize("line", [b"{}\n", b"\xff\n", b'{"source": 1}\t00000000\n'])
+def test_a_damaged_line_of_a_journal_ends_what_is_taken_up(tmp_path, caplog, line):
+    seeds.journals(tmp_path)
+    folder = tmp_path / "build"
+    lines = (folder / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    (folder / "journal.jsonl").write_bytes(lines[0] + line + lines[2])
+    build = BuildFolder(folder, {"schema": 1}, ["a.bin"])
+    assert [entry["source"] for entry in build.take_up()] == ["take0"]
+    build.close()
+    assert "built again" in caplog.messages[-1]
+    assert (folder / "a.bin").stat().st_size == 8
+    (folder / "build.json").write_bytes(b"")
+    build = BuildFolder(folder, {"schema": 1}, ["a.bin"])
+    assert list(build.take_up()) == []
+    build.close()
+    assert "the build starts anew" in caplog.messages[-1]

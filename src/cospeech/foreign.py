@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -85,7 +86,8 @@ def read_bytes(path: str | Path, what: str, most_bytes: int, hint: str | None = 
         if path.exists() and not path.is_file():  # a pipe or a device would never end
             raise InputFileError(path, "is not a file", hint=hint)
         with path.open("rb") as file:
-            data = file.read(most_bytes + 1)
+            # `read` takes memory for as much as it is asked for.
+            data = file.read(min(os.fstat(file.fileno()).st_size, most_bytes) + 1)
     if len(data) > most_bytes:
         problem = f"too long for {what} (over {most_bytes} bytes)"
         raise InputFileError(path, problem, hint=hint)

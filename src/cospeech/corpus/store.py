@@ -33,7 +33,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.facts import CorpusFacts
-from cospeech.corpus.manifest import MANIFEST, read_manifest, read_vocabulary, rebuild
+from cospeech.corpus.manifest import (
+    MANIFEST,
+    VOCABULARY,
+    read_manifest,
+    read_vocabulary,
+    rebuild,
+)
 from cospeech.corpus.packing import EVALUATION_FPS
 from cospeech.corpus.recording_table import RecordingTable
 from cospeech.corpus.splits import Span
@@ -197,13 +203,12 @@ class Store:
             return Speech(waveform, None)
         rows = self.read(span.recording, words)
         inside = rows[(rows[:, 0] < offset + duration) & (rows[:, 1] > offset)]
-        return Speech(
-            waveform,
-            tuple(
-                Word(self.vocabulary[int(i)], start - offset, end - offset)
-                for start, end, i in inside
-            ),
-        )
+        vocabulary = self.vocabulary
+        with understood(self.path / VOCABULARY, "the vocabulary of this store", rebuild(self.path)):
+            found = tuple(
+                Word(vocabulary[int(i)], start - offset, end - offset) for start, end, i in inside
+            )
+        return Speech(waveform, found)
 
     def motion(self, recording: int) -> Motion:
         """Full-skeleton motion at its native rate; 2-D in a corpus of keypoints."""
