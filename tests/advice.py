@@ -232,7 +232,7 @@ def _group_keys(folder: Path) -> set[str]:
 def faults(text: Text, known: Known) -> list[str]:
     """What a text tells to type and doesn't exist."""
     found = list[str]()
-    if not any(mark in text.text for mark in ("=", "python ", "--", "/", "make ")):
+    if not any(mark in text.text for mark in ("=", "python ", "--", "/", "make ", "pip ")):
         return found
     for command in SCRIPT.finditer(text.text):
         if command["script"] in COMMANDS:

@@ -76,7 +76,7 @@ def _unwritable(target: Path, temporary: Path | None, error: OSError) -> Cospeec
     if temporary and error.filename and str(error.filename) not in (str(temporary), str(target)):
         reason += f": {error.filename}"
     hint = (
-        "make room there, and run it again"
+        "free some space there, and run it again"
         if error.errno in _NO_ROOM
         else "check that this folder can be written to"
     )
