@@ -69,7 +69,7 @@ def test_without_room_the_old_file_stays_and_is_named(name, tmp_path, request):
 @pytest.mark.parametrize(
     ("code", "reason", "hint"),
     [
-        (errno.ENOSPC, "No space left on device", "make room there"),
+        (errno.ENOSPC, "No space left on device", "free some space there"),
         (errno.EROFS, "Read-only file system", "can be written to"),
         (errno.EACCES, "Permission denied", "can be written to"),
     ],
