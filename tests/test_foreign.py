@@ -71,6 +71,7 @@ def test_json_values(tmp_path) -> None:
         "a: &x [1]\nb: *x",
         "a: !!python/object/apply:os.system [ls]",
         "a: !!timestamp 2001-99-99",
+        "a: 2001-99-99",
         "[" * 50,
         "a: " + "9" * 400,
         "a: " + ":".join(["1"] * 200),
@@ -84,7 +85,7 @@ def test_yaml_that_is_refused(text: str) -> None:
 
 
 def test_yaml_values() -> None:
-    values = parse_yaml("a", "a: [1, 2.5, yes, null, 2021-13-40]\n<<: x", "x")
+    values = parse_yaml("a", "a: [1, 2.5, yes, null, '2021-13-40']\n<<: x", "x")
     assert values == {"a": [1, 2.5, True, None, "2021-13-40"], "<<": "x"}
 
 

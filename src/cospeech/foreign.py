@@ -176,11 +176,12 @@ def read_yaml(
 def parse_yaml(path: str | Path, text: str, what: str, hint: str | None = None) -> Any:
     """The values of a yaml text: mappings, lists, texts, numbers, booleans and nulls.
 
-    Dates stay texts. Aliases, of which a few can stand for billions of entries, are refused.
+    Dates, which nothing here takes, are refused, and aliases, of which a few can stand for billions
+    of entries.
 
     Raises:
-        InputFileError: No yaml, with aliases or tags, nested too deep, or a number of more than
-            `MOST_DIGITS` digits.
+        InputFileError: No yaml, with aliases, tags or dates, nested too deep, or a number of more
+            than `MOST_DIGITS` digits.
     """
     try:
         _require_plain(path, text, hint)
@@ -222,11 +223,19 @@ class _PlainLoader(yaml.SafeLoader):
     """yaml without dates and merge keys."""
 
 
-_LEFT_OUT = ("timestamp", "merge", "value")
+_LEFT_OUT = ("merge", "value")
 _PlainLoader.yaml_implicit_resolvers = {
     first: [(tag, regex) for tag, regex in resolvers if tag.rpartition(":")[2] not in _LEFT_OUT]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
+
+
+def _refuse_date(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> None:
+    problem = f"{node.value[:40]} is a date: put it in quotes where a text is meant"
+    raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+
+
+_PlainLoader.add_constructor("tag:yaml.org,2002:timestamp", _refuse_date)
 
 _OPENING = (
     yaml.FlowSequenceStartToken,

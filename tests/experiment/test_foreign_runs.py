@@ -238,7 +238,7 @@ def test_no_number_in_a_checkpoint_takes_memory_without_end(model, outputs):
         {"state_dict": [], "hyper_parameters": []},
         [],
     ],
-    ids=str,
+    ids=["empty", "text", "a class", "no settings", "none at all", "no weights", "lists", "a list"],
 )
 def test_a_damaged_checkpoint_is_named_with_what_to_do(content, outputs, foreign, tmp_path, alive):
     path = foreign / "checkpoints" / "best.ckpt"

@@ -43,7 +43,7 @@ class Remark:
         kind: In a few words, the same for all of its kind, for counting: ``"no usable phases"``.
         text: A sentence: what, in which file.
         advice: What to do about it, or to type; empty where nothing needs doing.
-        path: The file, where the remark is that it could not be used.
+        path: The file, where the remark is about one: odd, or not to be used.
     """
 
     kind: str

@@ -24,6 +24,7 @@ class Check(StrEnum):
 
     MISSING = "missing file"
     UNREADABLE = "unreadable"
+    ODD = "odd file"
     NOT_A_NUMBER = "not a number"
     LENGTHS = "lengths"
     DRIFT = "drift"

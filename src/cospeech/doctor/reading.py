@@ -134,7 +134,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
             findings.append(_unreadable(files.motion, explained(error), fps))
         return Read(findings=findings)
     findings += [
-        _unused(remark, remark.path) for remark in recording.remarks if remark.path is not None
+        _about_file(remark, remark.path) for remark in recording.remarks if remark.path is not None
     ]
     examination = examine_closely(recording, files, settings.joint_map, lengths)
     misplaced = {
@@ -258,7 +258,8 @@ def _words_of_file(
         return []
     start = take.excerpt.audio_start
     try:
-        transcript = read_transcript_with_timing(path, start + audio_s)
+        is_excerpt = take.excerpt.duration is not None
+        transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
     except CospeechError:
         return []  # empty: the recording has no words, which is looked at with it
     noted = [_note(files, note) for note in transcript.notes]
@@ -295,10 +296,10 @@ def _dropped(dropped: Dropped, name: str) -> Finding:
     )
 
 
-def _unused(remark: Remark, path: Path) -> Finding:
-    """A side file that the recording does without."""
+def _about_file(remark: Remark, path: Path) -> Finding:
+    """A side file that the recording does without, or one that is odd and is used."""
     return Finding(
-        Check.UNREADABLE,
+        Check.ODD if remark.kind.startswith("odd ") else Check.UNREADABLE,
         Severity.WARNING,
         str(path),
         None,

@@ -230,7 +230,7 @@ def _motion(
         up_axis=up_axis,
         warn=warned.append,
     )
-    remarks += [Remark("odd motion file", text, "export it again") for text in warned]
+    remarks += [Remark("odd motion file", text, "export it again", path) for text in warned]
     start, duration = take.excerpt.motion_start, take.excerpt.duration
     first = round(start * whole.fps)
     stop = len(whole) if duration is None else round((start + duration) * whole.fps)
@@ -245,7 +245,7 @@ def _audio(take: Take, path: Path, remarks: list[Remark]) -> NDArray[np.float32]
     """The excerpt's waveform."""
     whole, oddities = read_audio(path)
     remarks += [
-        Remark("odd audio file", f"{path.name} {oddity}", "export it again from the original")
+        Remark("odd audio file", f"{path.name} {oddity}", "export it again from the original", path)
         for oddity in oddities
     ]
     start, duration = take.excerpt.audio_start, take.excerpt.duration
