@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cospeech.corpus.manifest import write_manifest
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment import evaluate, generate, generating, judging_again
 from cospeech.experiment.finished_run import open_run
@@ -130,7 +131,7 @@ def test_the_corpus_is_found_where_the_outputs_went(outputs, tmp_path):
     # A folder of the name alone doesn't do.
     manifest = moved / "stores" / outputs.store.name / "manifest.json"
     values = json.loads(manifest.read_text())
-    manifest.write_text(json.dumps(values | {"fingerprint": FINGERPRINT[:-1] + "1"}))
+    write_manifest(manifest.parent, values | {"fingerprint": FINGERPRINT[:-1] + "1"})
     assert opened.find_store([]) is None
 
 

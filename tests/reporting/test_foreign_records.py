@@ -196,5 +196,5 @@ def test_what_a_run_writes_has_the_right_shape(tmp_path):
     kept.finish("ok")
     assert record_problems(json.loads(path.read_text())) == []
     assert load_record(path, needs=("config", "model"))["timings"] == {"fit": 2.5}
-    with pytest.raises(InputFileError, match="has no 'ablation'"):
+    with pytest.raises(InputFileError, match="has no ablation"):
         load_record(path, needs=("config", "ablation"))

@@ -31,21 +31,15 @@ from cospeech.experiment.plain_arguments import (
     require_plain,
     require_types,
 )
-from cospeech.foreign import read_json, understood
+from cospeech.foreign import understood
 from cospeech.methods.base import GestureMethod, HasSchedule
 from cospeech.nn.weights_file import filled, read_checkpoint
+from cospeech.reporting.record import load_record
 
 CHECKPOINTS = ("best", "last")
-MOST_RECORD_BYTES = 64 * 2**20
 
 _ANOTHER_RUN = "give the folder of a finished run, e.g. outputs/runs/ID"
 _NAMES = ("id", "status", "model", "data", "ablation")
-_TYPES: dict[str, Any] = {
-    **dict.fromkeys(_NAMES, str),
-    "seed": int,
-    "data_fingerprint": str | None,
-    "config": dict[str, Any],
-}
 _METRICS: dict[str, Any] = {
     "encoder": str,
     "encoder_epochs": int,
@@ -216,7 +210,7 @@ def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
         raise ConfigError(f"checkpoint={checkpoint!r} is not one of {', '.join(CHECKPOINTS)}")
     folder = _folder_of(Path(folder))
     record = _inside(folder, folder / "record.json")
-    values = read_json(record, "a run's record", MOST_RECORD_BYTES, _ANOTHER_RUN)
+    values = load_record(record, needs=(*_NAMES, "seed", "config"))
     with understood(record, "a run's record", _ANOTHER_RUN), _in_file(record, _ANOTHER_RUN):
         run = _checked(folder, values, checkpoint)
     if checkpoint == "best" and run.status != "ok":
@@ -233,13 +227,7 @@ def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
     return run
 
 
-def _checked(folder: Path, values: Any, checkpoint: str) -> FinishedRun:
-    if not isinstance(values, dict):
-        raise CospeechError(f"holds a {type(values).__name__}, not an object")
-    missing = [name for name in _TYPES if name not in values and name != "data_fingerprint"]
-    if missing:
-        raise CospeechError(f"has no {', '.join(missing)}: it is cut, or no record")
-    require_types(values, _TYPES, "record")
+def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedRun:
     for name in _NAMES:
         if not values[name].isprintable() or len(values[name]) > 200:
             raise CospeechError(f"{name} is no name")

@@ -376,6 +376,15 @@ def _objects_above(cfg: DictConfig, above: Sequence[str]) -> Iterator[DictConfig
             yield node
 
 
+def _owner(command: Command, choice: str) -> str | None:
+    """The model that an ablation's or an experiment's name begins with."""
+    return max(
+        (model for model in command.choices("model") if choice.startswith(f"{model}_")),
+        key=len,
+        default=None,
+    )
+
+
 def _refuse_choices_of_others(command: Command, job: Sequence[str], cfg: DictConfig) -> None:
     """An ablation or an experiment changes settings that the model has."""
     choices = cfg.hydra.runtime.choices
@@ -388,7 +397,9 @@ def _refuse_choices_of_others(command: Command, job: Sequence[str], cfg: DictCon
             fitting = [
                 name
                 for name in command.choices(group)
-                if name != "full" and _changes(command, group, name) <= alone
+                if _owner(command, name) in (None, choices.model)
+                and name != "full"
+                and _changes(command, group, name) <= alone
             ]
             raise ConfigError(
                 f"{group}={choices[group]} is not of model={choices.model}, which has no"

@@ -106,7 +106,8 @@ def load_record(path: Path, needs: Sequence[str] = ()) -> dict[str, Any]:
     values = read_json(path, "a record of a run", hint=hint)
     problems = record_problems(values)
     if not problems:
-        problems = [f"has no {key!r}" for key in needs if values.get(key) is None]
+        missing = [key for key in needs if values.get(key) is None]
+        problems = [f"has no {', '.join(missing)}: it is cut, or no record"] if missing else []
     if problems:
         raise InputFileError(path, "; ".join(problems), hint=hint)
     return dict(values)
