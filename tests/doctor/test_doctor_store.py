@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cospeech.corpus.__main__ import main
+from cospeech.corpus.manifest import write_manifest
 from cospeech.corpus.splits import SPLITS, Span
 from cospeech.doctor import Check, Severity, check_path, compare, examine_closely
 from cospeech.doctor.fingerprints import audio_fingerprints
@@ -114,7 +115,7 @@ def test_spans_that_overlap(takes, tmp_path):
     manifest["splits"]["test"] = [[0, 100, 200]]
     assert tuple(manifest["splits"]) == SPLITS
     assert Span(*manifest["splits"]["train"][0]).start == 0
-    path.write_text(json.dumps(manifest))
+    write_manifest(store.path, manifest)
     finding = the_error(check_path(store.path).findings, Check.OVERLAP, 100 / 15)
     assert "6.67 to 13.33 s" in finding.problem
 

@@ -234,7 +234,7 @@ READERS: dict[str, Reader] = {
         seeds.texts(a__json='{"noise": {"fgd": 3.1, "mae": null}, "real": {"fgd": 1}}'),
         ("evaluation",),
     ),
-    "record": Reader(_record, seeds.records, ("reporting.collect", "reporting.record")),
+    "record": Reader(_record, seeds.records, ("reporting.record",)),
     "joint map": Reader(_joint_map, seeds.joint_maps, ("motion.joint_map",)),
     "controls": Reader(
         _controls,
@@ -243,7 +243,7 @@ READERS: dict[str, Reader] = {
     ),
     "transcript": Reader(_transcript, seeds.transcripts, ("speech.transcript",)),
     "phases": Reader(_phases, seeds.phase_files, ("formats.phase_files",)),
-    "bvh": Reader(_bvh, seeds.bvh, ("motion.bvh",)),
+    "bvh": Reader(_bvh, seeds.bvh, ("motion.bvh", "motion.bvh_rows")),
     "split list": Reader(
         _split_list,
         seeds.texts(a__csv="id,type\r\n1_wayne_0,train\r\n2_scott_0,test\r\n3_x,additional\r\n"),
@@ -268,7 +268,7 @@ READERS: dict[str, Reader] = {
     "word vectors": Reader(
         _vectors, seeds.vectors, ("speech.fasttext_binary", "speech.word_vectors")
     ),
-    "audio": Reader(_audio, seeds.audio, ("speech.audio",)),
+    "audio": Reader(_audio, seeds.audio, ("speech.audio", "speech.audio_streams")),
 }
 
 NO_READERS = {
@@ -277,6 +277,10 @@ NO_READERS = {
     "corpus.window_loader": "windows of an open store",
     "encoders": "opens kept encoders as a reader above does, and what it has just written",
     "experiment.building": "opens a checkpoint",
+    "experiment.finished_run": "opens records and checkpoints as readers above do",
+    "experiment.folders": "opens records as a reader above does",
+    "experiment.typed": "the project's own settings",
+    "nn.checkpoints": "opens checkpoints as a reader above does",
     "doctor.reading": "opens what the readers above open",
     "formats.mocap.reading": "opens what the readers above open",
     "methods.knn_cgan.pair_windows": "windows of an open store",

@@ -305,7 +305,7 @@ def _interlocutor(
         )
         remarks.append(Remark("another length of the other speaker", text, LOOK_CLOSER))
     read_words = functools.partial(
-        _words, take, audio_s=len(waveform) / SAMPLE_RATE, remarks=remarks
+        _words, take, audio_s=max(len(waveform) / SAMPLE_RATE, shared_s), remarks=remarks
     )
     what = "the other speaker's transcript"
     spoken = _first_usable(voice.transcripts, what, read_words, remarks)
