@@ -71,7 +71,7 @@ def harmless(name):
 def test_no_element_attribute_or_script_comes_from_data(kind, name, tmp_path, caplog):
     caplog.set_level(
         logging.ERROR, "cospeech.corpus"
-    )  # a worker of pytest can't pass half letters on
+    )  # pytest-xdist knows no half letters
     folders = tmp_path / "hostile", tmp_path / "harmless"
     pages = []
     for folder, given in zip(folders, (name, harmless(name)), strict=True):
