@@ -136,8 +136,30 @@ def test_words_of_a_few_milliseconds_get_the_time_to_the_next(tmp_path):
     points = "".join(f"{s:.6f}\t{s:.6f}\t{w}\n" for w, s, _ in TURNING)
     assert times(read(tmp_path, points, "labels.txt").words)[:2] == [
         ("so", 0.4, 0.54),
-        ("the", 0.54, 0.75),
+        ("the", 0.62, 0.75),
     ]
+
+
+def test_points_keep_their_starts(tmp_path):
+    points = [("a", 0.5), ("significantly", 1.0), ("bigger", 1.3), ("one", 2.4)]
+    content = "".join(f"{start}\t{start}\t{word}\n" for word, start in points)
+    assert times(read(tmp_path, content).words) == [
+        ("a", 0.5, 0.57),
+        ("significantly", 1.0, 1.3),
+        ("bigger", 1.3, 1.72),
+        ("one", 2.4, 2.61),
+    ]
+
+
+def test_words_without_room_before_the_end_of_the_sound_are_counted(tmp_path):
+    content = rows(whole=False) + "".join(f"2.9\t2.9\tz{i}\n" for i in range(30))
+    transcript = read(tmp_path, content)
+    assert [word.text for word in transcript.words[6:]] == [f"z{i}" for i in range(5)]
+    assert transcript.words[-1].end == pytest.approx(3.0)
+    assert transcript.notes == (
+        "5 words of under 20 ms, or beside one, given the time up to the next",
+        "25 words of under 20 ms left out, for which there is no time before the end of the sound",
+    )
 
 
 ARPABET = ["S", "OW1", "DH", "AH0", "B", "IH1", "G"]
