@@ -203,6 +203,54 @@ def test_a_segment_that_was_not_aligned_is_spread():
     ]
 
 
+def test_whisper_cpp_joins_no_words_across_segments(tmp_path):
+    def segment(text, start, end, *tokens):
+        listed = [{"text": t, "offsets": {"from": s, "to": e}} for t, s, e in tokens]
+        return {"text": text, "offsets": {"from": start, "to": end}, "tokens": listed}
+
+    segments = [
+        segment(" the wheel", 400, 1000, (" the", 400, 600), (" wheel", 600, 900), (",", 900, 990)),
+        segment("turns on", 1600, 2000, ("turns", 1600, 1800), (" on", 1800, 2000), ("♪", 0, 0)),
+        segment("- slowly", 2000, 2600, ("-", 2000, 2010), (" slowly", 2100, 2600)),
+    ]
+    expected = [("the", 0.4, 0.6), ("wheel,", 0.6, 0.9), ("turns", 1.6, 1.8), ("on", 1.8, 2.0)]
+    (tmp_path / "a.json").write_text(json.dumps({"transcription": segments}))
+    assert times(read_transcript(tmp_path / "a.json")) == [*expected, ("slowly", 2.1, 2.6)]
+    for part in segments:
+        del part["tokens"]
+    (tmp_path / "a.json").write_text(json.dumps({"transcription": segments}))
+    words = read_transcript(tmp_path / "a.json")
+    assert [word.text for word in words] == ["the", "wheel", "turns", "on", "slowly"]
+    # With -ml 1, a segment is a part of a word.
+    parts = [
+        segment(t, s, e) for t, s, e in ((" whe", 400, 500), ("el", 500, 700), (".", 700, 900))
+    ]
+    (tmp_path / "a.json").write_text(json.dumps({"transcription": parts}))
+    assert times(read_transcript(tmp_path / "a.json")) == [("wheel.", 0.4, 0.7)]
+
+
+def test_words_without_times_lie_within_their_segment(tmp_path):
+    def segment(start, end, *words):
+        listed = [
+            {"word": w} | ({} if s is None else {"start": s, "end": s + 0.3}) for w, s in words
+        ]
+        text = " ".join(word for word, _ in words)
+        return {"start": start, "end": end, "text": text, "words": listed}
+
+    segments = [
+        segment(1.0, 2.0, ("go", 1.0), ("on", 1.5)),
+        segment(20.0, 21.0, ("1984.", None)),
+        segment(40.0, 42.0, ("12", None), ("it", 40.5), ("is", 41.0), ("7", None)),
+    ]
+    (tmp_path / "a.json").write_text(json.dumps({"segments": segments}))
+    words = read_transcript(tmp_path / "a.json")
+    assert times(words)[2:4] == [("1984.", 20.0, 21.0), ("12", 40.0, 40.5)]
+    assert times(words)[-1] == ("7", 41.3, 42.0)
+    none = {"segments": segments[1:2], "word_segments": segments[1]["words"]}
+    (tmp_path / "a.json").write_text(json.dumps(none))
+    assert times(read_transcript(tmp_path / "a.json")) == [("1984.", 20.0, 21.0)]
+
+
 def test_a_word_without_numbers_for_times_lies_between_its_neighbours(tmp_path):
     words = [*listed()[:2], {"word": "odd", "start": float("nan"), "end": float("nan")}]
     (tmp_path / "a.json").write_text(json.dumps({"segments": [{"words": [*words, listed()[4]]}]}))

@@ -66,13 +66,24 @@ class Document:
             )
         if item.get("case") == "not-found-in-audio":
             return Entry(text, None, None, place, is_phrase)
+        start, end = self.times(place, item)
+        start, end = (None if time is None else time * scale for time in (start, end))
+        return Entry(text, start, end, place, is_phrase)
+
+    def times(self, place: str, item: Any) -> tuple[float | None, float | None]:
+        """Start and end of a word or a phrase; None where it has none.
+
+        Raises:
+            InputFileError: A time is none.
+        """
+        if not isinstance(item, dict):
+            return None, None
         start = self.seconds(place, first(item, START_KEYS))
         end = self.seconds(place, first(item, END_KEYS))
         duration = self.seconds(place, first(item, DURATION_KEYS))
         if end is None and duration is not None and start is not None:
             end = start + duration
-        start, end = (None if time is None else time * scale for time in (start, end))
-        return Entry(text, start, end, place, is_phrase)
+        return start, end
 
     def seconds(self, place: str, value: Any) -> float | None:
         """Seconds of a number, "1.200s", "1.2" or {"seconds": 1, "nanos": 200000000}.
