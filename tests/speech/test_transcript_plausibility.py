@@ -225,3 +225,47 @@ def test_the_two_commands_get_the_same_words(tmp_path):
     """What `prepare` and `generate` call is one function; that a note exists is its own doing."""
     (tmp_path / "a.tsv").write_text(rows(1000))
     assert read_transcript(tmp_path / "a.tsv", 3.0) == read_transcript(tmp_path / "a.tsv", 3.2)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "".join(f"{w} {s:.2f} {e:.2f}\n" for w, s, e in TURNING),
+        "".join(f"{w},{s},{e},0.98\n" for w, s, e in TURNING),
+        "".join(f"{s}\t{e}\t{w}\t0.98\n" for w, s, e in TURNING),
+        "".join(f"0:00:0{s:.3f},0:00:0{e:.3f}\n{w}\n\n" for w, s, e in TURNING),
+    ],
+)
+def test_words_before_their_times_confidences_and_sbv_are_read(tmp_path, content):
+    assert times(read(tmp_path, content, "a.txt").words) == TURNING
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "".join(f"utt{i} rec {s:.2f} {e:.2f}\n" for i, (_, s, e) in enumerate(TURNING)),
+        "".join(f"rec A spk {s} {e} <o,f0> {w} and some more\n" for w, s, e in TURNING),
+        "".join(f"- word: {w}\n  start: {s}\n  end: {e}\n" for w, s, e in TURNING),
+        '<?xml version="1.0"?><tt><p begin="00:00:00.400" end="00:00:01.520">so</p></tt>',
+        "00:00 Intro\n00:12 So the wheel\n00:15 turns\n",
+        "".join(f"Bob (00:00:0{i}):\nso they all turn on and on\n" for i in range(4)),
+        "[00:00.40]so the big wheel\n[00:01.60]turns slowly\n[00:02.60]\n",
+        "[0.40s -> 1.52s] so the big wheel\n[1.60s -> 2.60s] turns slowly\n",
+    ],
+)
+def test_lists_of_times_are_no_prose(tmp_path, content):
+    with pytest.raises(InputFileError, match=r"looks like .* not like plain text"):
+        read(tmp_path, content, "a.txt")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "At 10:30 or 11:30, then 12:45",
+        "pi is 3.14, e is 2.71\nand the rest is none of our business, 10 9 8 7",
+        "ten\n10\nnine\n9\neight\n8",
+    ],
+)
+def test_prose_with_numbers_is_prose(tmp_path, content):
+    words = read(tmp_path, content, "a.txt").words
+    assert [word.text for word in words] == content.split()

@@ -14,7 +14,14 @@ SILENCE_LABELS = frozenset(
 _SPOKEN_SYMBOLS = frozenset("&%@$€£+")
 
 # Every pattern here either has no repeat that can give back what it took, or is bounded.
-_CLOCK = re.compile(r"[\[(]?\d{1,3}:[0-5]?\d(?::[0-5]?\d(?:[.,]\d{1,6})?|[.,]\d{1,6})[\])]?")
+_CLOCK = re.compile(
+    r"[\[(]?\d{1,3}:[0-5]?\d(?::[0-5]?\d(?:[.,]\d{1,6})?|[.,]\d{1,6})[\])]?[:,;]?"
+    r"|[\[(]\d{1,3}:[0-5]\d[\])][:,;]?"
+)
+_TIME = re.compile(
+    r"(?m)^\W{0,3}\d{1,3}:[0-5]\d(?!\d)"  # 00:12 at the start of a line
+    r"|(?<![\d.:])(?:\d{1,3}:[0-5]\d[.,:]|\d{1,5}\.)\d{1,6}(?:[.,]\d{1,6})?(?![\d:])"
+)
 _ARROW = re.compile(r"-{1,2}>")
 _TAG = re.compile(r"</?[a-zA-Z0-9:][^<>]{0,200}+>")
 _UNKNOWN = frozenset({"<unk>", "<UNK>"})
@@ -51,6 +58,11 @@ def without_clocks(text: str) -> tuple[str, int]:
     if len(kept) == len(tokens):
         return text, 0
     return " ".join(kept), sum(_CLOCK.fullmatch(token) is not None for token in tokens)
+
+
+def times_within(text: str) -> list[str]:
+    """Clock times and decimal fractions anywhere in a text."""
+    return [found.group().strip("[(\n \t") for found in _TIME.finditer(text)]
 
 
 def without_markup(text: str) -> tuple[str, int]:

@@ -17,6 +17,7 @@ from cospeech.speech.transcript.lines import numbered_lines
 # A fraction is what tells cue times from a range of clock times in prose.
 _CUE_CLOCK = CLOCK.removesuffix("?")
 _CUE_TIMES = re.compile(rf"\s{{0,9}}\[?{_CUE_CLOCK}\s{{0,9}}-->\s{{0,9}}{_CUE_CLOCK}(.*)")
+_SBV_TIMES = re.compile(rf"(?m)^({_CUE_CLOCK}),({_CUE_CLOCK})[ \t]{{0,9}}$")  # YouTube's own form
 _INLINE_TIME = re.compile(rf"<{CLOCK}>")
 
 _SHORTEST_CUE_S = 0.1
@@ -37,7 +38,7 @@ class _Cue:
 
 def is_cue_times(line: str) -> bool:
     """Whether a line says when a cue is shown: ``00:00:01,000 --> 00:00:02,500``."""
-    return _CUE_TIMES.match(line) is not None
+    return _CUE_TIMES.match(line) is not None or _SBV_TIMES.match(line) is not None
 
 
 def parse_subtitles(path: Path, text: str) -> Entries:
@@ -49,6 +50,7 @@ def parse_subtitles(path: Path, text: str) -> Entries:
     Raises:
         InputFileError: A line with ``-->`` holds no two times.
     """
+    text = _SBV_TIMES.sub(r"\1 --> \6", text)
     cues, repeated = _new_lines(_cues(path, text))
     cut = _cut_where_they_stay(cues)
     entries: list[Entry] = []
@@ -85,7 +87,7 @@ def _cues(path: Path, text: str) -> list[_Cue]:
             # one that is said.
             counts_on = number == count + 1 and (count > 0 or not cues)
             lines = cues[-1].lines if is_text else aside
-            if number is not None and lines and (counts_on or is_next and not is_text):
+            if number is not None and lines and (counts_on or (is_next and not is_text)):
                 lines.pop()
                 count = number
             _close(cues, aside, is_vtt)
