@@ -150,6 +150,23 @@ SHAPES = {
 }
 
 
+def test_times_that_are_none_are_not_taken_for_some(tmp_path):
+    marks = [
+        {"time": 400 + 300 * i, "type": kind, "start": 5 * i, "end": 5 * i + 3, "value": word}
+        for i, (kind, word) in enumerate((("sentence", "so on"), ("word", "so"), ("word", "on")))
+    ]
+    (tmp_path / "a.json").write_text("\n".join(map(json.dumps, marks)))
+    words = read_transcript(tmp_path / "a.json")
+    assert [(word.text, round(word.start, 6)) for word in words] == [("so", 0.7), ("on", 1.0)]
+    frames = [{"word": "so", "start_offset": 5, "end_offset": 7}]
+    (tmp_path / "a.json").write_text(json.dumps(frames))
+    with pytest.raises(InputFileError, match="have no times under a name that is known"):
+        read_transcript(tmp_path / "a.json")
+    few = {"audio_duration": 3600, "words": listed(1000, "text")}
+    (tmp_path / "a.json").write_text(json.dumps(few))
+    assert times(read_transcript(tmp_path / "a.json", 3600.0)) == TURNING
+
+
 @pytest.mark.parametrize(("document"), SHAPES.values(), ids=SHAPES.keys())
 def test_shapes(tmp_path, document):
     (tmp_path / "a.json").write_text(json.dumps(document))

@@ -165,6 +165,9 @@ def test_words_without_room_before_the_end_of_the_sound_are_counted(tmp_path):
 ARPABET = ["S", "OW1", "DH", "AH0", "B", "IH1", "G"]
 IPA = ["s", "əʊ", "ð", "ə", "b", "\u026a", "\u0261", "w", "i\u02d0", "l", "t", "ɜ", "n", "z"]
 TIMIT = ["sh", "iy", "hv", "ae", "d", "y", "er", "d", "aa", "r", "k", "s", "uw", "t"]
+KALDI = ["B_B", "IH1_I", "G_E", "W_B", "IY1_I", "L_E"]
+X_SAMPA = ["t_h", "@U", "3`", "n_=", "r\\", "d_0", "i:", "l_G", "O:", "b", "s", "z"]
+LONG_IPA = [f"{label}\u02d0" for label in ("t\u0283", "d\u032a", "aj", *IPA[:4], *IPA[9:])]
 
 
 def textgrid(*tiers):
@@ -183,11 +186,27 @@ def phones(labels):
 def test_a_tier_of_phones_alone_is_refused(tmp_path):
     with pytest.raises(InputFileError, match=r"holds phones and no words \(tiers: 'phones'\)"):
         read_transcript(DATA / "wild/textgrid_phones_only/phones_only.TextGrid", 1.2)
-    for labels in (ARPABET, IPA, TIMIT):
+    for labels in (ARPABET, IPA, TIMIT, KALDI, X_SAMPA, LONG_IPA):
         with pytest.raises(InputFileError, match="holds phones and no words"):
             read(tmp_path, textgrid(("Mary", phones(labels))), "a.TextGrid")
         with pytest.raises(InputFileError, match="holds phones and no words"):
             read(tmp_path, rows(words=phones(labels), whole=False))
+
+
+@pytest.mark.parametrize("name", ["gesture", "POS", "ToBI tones", "emotion"])
+def test_tiers_of_something_else_are_no_words(tmp_path, name):
+    others = (name, phones(["ADV", "L*", "NOUN"]))
+    with pytest.raises(InputFileError, match=f"holds no words .*{name}"):
+        read(tmp_path, textgrid(others), "a.TextGrid")
+    assert times(read(tmp_path, textgrid(others, ("Bob", TURNING)), "a.TextGrid").words) == TURNING
+
+
+def test_phases_and_emotions_are_no_words(tmp_path):
+    listed = '[{"label": "happy", "start": 0, "end": 1}, {"label": "sad", "start": 1, "end": 2}]'
+    with pytest.raises(InputFileError, match="emotions and no words"):
+        read(tmp_path, listed, "a.json")
+    with pytest.raises(InputFileError, match="phases of gestures"):
+        read(tmp_path, textgrid(("x", phones(["stroke", "hold"]))), "a.TextGrid")
 
 
 @pytest.mark.parametrize(

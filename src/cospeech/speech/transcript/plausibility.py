@@ -15,6 +15,7 @@ from cospeech.errors import InputFileError
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript.entries import Entry, counted
 from cospeech.speech.transcript.labels import (
+    are_annotations,
     are_phones,
     is_spoken,
     without_clocks,
@@ -47,7 +48,8 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
     unknown.
 
     Raises:
-        InputFileError: A time is infinite, huge or reversed, or the words are phones.
+        InputFileError: A time is infinite, huge or reversed, or the words are phones, phases of
+            gestures or emotions.
     """
     spoken: list[Entry] = []
     clocks = marked = repeated = 0
@@ -75,6 +77,13 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
             path,
             f"holds phones and no words ({sample} ...)",
             hint="give the aligner's file with the tier of the words, called 'words'",
+        )
+    if are_annotations(entry.text for entry in spoken):
+        sample = " ".join(entry.text for entry in spoken[:8])
+        raise InputFileError(
+            path,
+            f"holds phases of gestures or emotions and no words ({sample})",
+            hint="give a file with the words that are said",
         )
     notes = []
     if clocks:

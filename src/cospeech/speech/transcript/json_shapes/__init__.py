@@ -21,6 +21,7 @@ from cospeech.speech.transcript.json_shapes.services import (
     read_azure,
     read_deepgram,
     read_google,
+    read_polly,
     read_rev,
     read_watson,
 )
@@ -39,6 +40,7 @@ SHAPES: dict[str, _Shape] = {
     "AssemblyAI": read_assemblyai,
     "Deepgram": read_deepgram,
     "AWS Transcribe, Speechmatics": read_aws,
+    "AWS Polly": read_polly,
     "IBM Watson": read_watson,
     "Google": read_google,
     "Azure": read_azure,

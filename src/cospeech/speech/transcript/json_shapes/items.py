@@ -13,8 +13,8 @@ from cospeech.speech.transcript.entries import Entry, require_few
 from cospeech.speech.transcript.lines import number
 
 TEXT_KEYS = ("word", "text", "label", "value", "content", "body")
-START_KEYS = ("start", "start_time", "startTime", "startOffset", "start_offset", "begin", "time")
-END_KEYS = ("end", "end_time", "endTime", "endOffset", "end_offset", "stop")
+START_KEYS = ("start", "start_time", "startTime", "startOffset", "begin", "time")
+END_KEYS = ("end", "end_time", "endTime", "endOffset", "stop")
 DURATION_KEYS = ("duration",)
 _EXPECTED = 'a word is {"word": ..., "start": ..., "end": ...} in seconds'
 

@@ -90,7 +90,7 @@ def read_aws(document: Document) -> Entries | None:
 def read_assemblyai(document: Document) -> Entries | None:
     """``{"words": [{"text", "start", "end"}], "audio_duration": 3}``: whole milliseconds.
 
-    ``audio_duration`` is in seconds, and tells the milliseconds from seconds. Answers with
+    ``audio_duration`` is in seconds. Fractions that fit it are seconds. Answers with
     "sentences", "paragraphs" or "utterances" have the words in those.
     """
     length = document.get("audio_duration")
@@ -103,9 +103,25 @@ def read_assemblyai(document: Document) -> Entries | None:
     if not items:
         return None
     entries = [document.entry(*item) for item in items]
-    last = max((entry.end for entry in entries if entry.end is not None), default=0.0)
-    if last > 1.5 * length + 1:
+    ends = [entry.end for entry in entries if entry.end is not None]
+    if all(end.is_integer() for end in ends) or max(ends) > 1.5 * length + 1:
         entries = [document.entry(*item, scale=1e-3) for item in items]
+    return Entries(tuple(entries), are_seconds=True)
+
+
+def read_polly(document: Document) -> Entries | None:
+    """AWS Polly's marks: ``{"time": 400, "type": "word", "start": 0, "end": 2, "value": "so"}``.
+
+    The time is the onset in milliseconds; start and end count the bytes of the text.
+    """
+    value = document.value if isinstance(document.value, list) else [document.value]
+    if not (has(value, "time") and has(value, "type") and has(value, "value")):
+        return None
+    entries = []
+    for index, mark in enumerate(value):
+        if isinstance(mark, dict) and mark.get("type") == "word":
+            word = {"word": mark.get("value"), "start": mark.get("time")}
+            entries.append(document.entry(f"[{index}]", word, scale=1e-3))
     return Entries(tuple(entries), are_seconds=True)
 
 
