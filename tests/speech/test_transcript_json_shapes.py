@@ -150,6 +150,44 @@ SHAPES = {
 }
 
 
+def test_words_of_several_speakers_are_told(tmp_path):
+    speakers = [{**word, "speaker": f"S{i % 2}"} for i, word in enumerate(listed())]
+    aws = [
+        {"type": "pronunciation", "start_time": s, "end_time": e, "speaker_label": f"spk_{w}"}
+        | {"alternatives": [{"content": w}]}
+        for w, s, e in TURNING[:2]
+    ]
+    google = [{"channelTag": i + 1, "alternatives": [{"words": [listed()[i]]}]} for i in (0, 1)]
+    for document in (
+        {"audio_duration": 3.0, "words": speakers},
+        {"segments": [{"start": 0.4, "end": 2.6, "text": "", "words": speakers}]},
+        {"results": {"items": aws}},
+        {"results": google},
+    ):
+        (tmp_path / "a.json").write_text(json.dumps(document))
+        notes = read_transcript_with_timing(tmp_path / "a.json").notes
+        assert notes == ("holds the words of 2 speakers or channels, all of which are taken",)
+
+
+def test_dates_of_speechmatics_are_read_as_they_were_said(tmp_path):
+    def word(text, start, end, kind="word", **more):
+        times = {"start_time": start, "end_time": end}
+        return {"type": kind, **times, "alternatives": [{"content": text}], **more}
+
+    said = [word(*one) for one in TURNING[1:3]]
+    items = [word(*TURNING[0]), word("1 big", 0.62, 1.1, "entity", spoken_form=said)]
+    items.append(word("7", 1.2, 1.4, "entity"))
+    (tmp_path / "a.json").write_text(json.dumps({"results": items}))
+    assert times(read_transcript(tmp_path / "a.json")) == [*TURNING[:3], ("7", 1.2, 1.4)]
+
+
+def test_guesses_while_listening_are_left_out(tmp_path):
+    guess = {"final": False, "alternatives": [{"timestamps": [["sow", 0.41, 0.63]]}]}
+    final = {"final": True, "alternatives": [{"timestamps": [list(word) for word in TURNING]}]}
+    (tmp_path / "a.json").write_text(json.dumps({"results": [guess, final]}))
+    assert times(read_transcript(tmp_path / "a.json")) == TURNING
+
+
 def test_times_that_are_none_are_not_taken_for_some(tmp_path):
     marks = [
         {"time": 400 + 300 * i, "type": kind, "start": 5 * i, "end": 5 * i + 3, "value": word}
@@ -291,6 +329,24 @@ def test_a_word_without_numbers_for_times_lies_between_its_neighbours(tmp_path):
             r"holds phones and no words \(tiers: 'phones'\)",
         ),
         ({"words": [{"word": "a", "start": 0, "end": "1" * 400}]}, "is not a time"),
+        (
+            {
+                "chunks": [
+                    {"text": " so on", "timestamp": [0.0, 29.0]},
+                    {"text": " more", "timestamp": [0.0, 5.0]},
+                ]
+            },
+            r"chunks\[1\]: its times start again at 0 s, after 29 s",
+        ),
+        ({"results": [{"alternatives": [{"transcript": "so on"}]}]}, "a text but no word times"),
+        (
+            {"recognizedPhrases": [{"offset": "PT0.4S", "nBest": [{"display": "So on."}]}]},
+            "a text but no word times",
+        ),
+        (
+            {"results": {"channels": [{"alternatives": [{"transcript": "so on", "words": []}]}]}},
+            "a text but no word times",
+        ),
     ],
 )
 def test_what_is_not_read_says_so(tmp_path, document, message):

@@ -6,11 +6,13 @@ import unicodedata
 from itertools import chain
 from typing import Any
 
+from cospeech.errors import InputFileError
 from cospeech.speech.transcript.entries import Entries, Entry, counted
 from cospeech.speech.transcript.json_shapes.items import Document, children, first, has
 from cospeech.speech.transcript.labels import is_spoken
 from cospeech.speech.transcript.spreading import lay_out
 
+_OVERLAP_S = 1.0  # that much may chunks overlap
 _WITHOUT_BLANKS = "\u3040"  # from here on in Unicode: kana, ideographs, syllables
 
 
@@ -83,16 +85,35 @@ def _words_beside(document: Document, value: Any) -> Entries | None:
 
 
 def read_chunks(document: Document) -> Entries | None:
-    """Hugging Face pipelines: ``{"chunks": [{"text", "timestamp": [start, end]}]}``."""
+    """Hugging Face pipelines: ``{"chunks": [{"text", "timestamp": [start, end]}]}``.
+
+    Raises:
+        InputFileError: The times start again, as those of parts of a recording do.
+    """
     if not has(document.get("chunks"), "timestamp"):
         return None
-    entries = []
+    entries: list[Entry] = []
     for place, chunk in children(document.value, "chunks"):
         times = chunk.get("timestamp") if isinstance(chunk, dict) else None
         if isinstance(times, list) and len(times) == 2:
             chunk = {**chunk, "start": times[0], "end": times[1]}
-        entries.append(document.entry(place, chunk))
+        entry = document.entry(place, chunk)
+        if entries and _starts_again(entries[-1], entry):
+            raise InputFileError(
+                document.path,
+                f"its times start again at {entry.start:g} s, after {entries[-1].end:g} s",
+                place,
+                "transcribe it with times from the start of the whole recording, or add to the"
+                " times of each part where that starts",
+            )
+        entries.append(entry)
     return Entries(tuple(entries))
+
+
+def _starts_again(before: Entry, entry: Entry) -> bool:
+    if before.start is None or before.end is None or entry.start is None:
+        return False
+    return entry.start <= before.start and entry.start < before.end - _OVERLAP_S
 
 
 def read_whisper_cpp(document: Document) -> Entries | None:
