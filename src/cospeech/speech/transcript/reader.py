@@ -125,19 +125,20 @@ def _plain(path: Path, text: str, duration_s: float | None) -> Entries:
 def _require_prose(path: Path, text: str) -> None:
     times = times_within(text)
     lines = [line for line in text.splitlines() if line.strip()]
-    timed_lines = sum(bool(times_within(line)) for line in lines)
-    share = max(len(times) / len(text.split()), timed_lines / len(lines) if timed_lines > 1 else 0)
-    if len(times) < _FEWEST_TIMES or share <= _MOST_TIMES:
-        what = "XML" if text.lstrip().startswith("<?xml") else None
-    else:
+    timed = sum(bool(times_within(line)) for line in lines)
+    share = max(len(times) / len(text.split()), timed / len(lines) if timed > 1 else 0.0)
+    if len(times) >= _FEWEST_TIMES and share > _MOST_TIMES:
         what = f"a list with times ({', '.join(times[:3])} ...)"
-    if what is not None:
-        raise InputFileError(
-            path,
-            f"looks like {what} in a format that is not known, not like plain text",
-            hint="save it as SRT, as a TextGrid, or as a table with the columns start, end and"
-            " word, separated by tabs, in seconds; or keep the text alone",
-        )
+    elif text.lstrip().startswith("<?xml"):
+        what = "XML"
+    else:
+        return
+    raise InputFileError(
+        path,
+        f"looks like {what} in a format that is not known, not like plain text",
+        hint="save it as SRT, as a TextGrid, or as a table with the columns start, end and"
+        " word, separated by tabs, in seconds; or keep the text alone",
+    )
 
 
 def _require_bounded(path: Path, entries: Sequence[Entry]) -> None:
