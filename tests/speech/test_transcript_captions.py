@@ -111,6 +111,32 @@ def test_what_is_said_twice_stays(tmp_path):
     assert transcript.notes == ()
 
 
+@pytest.mark.parametrize("gap", [0.0, 0.1, 0.5])
+def test_speech_that_is_repeated_is_no_caption_carried_over(tmp_path, gap):
+    said = ["Yeah.", "Yeah.", "I know.", "Yeah.", "Yeah.", "Yeah."]
+    step = 0.4 + gap
+    cues = [(step * i, step * i + 0.4, text) for i, text in enumerate(said)]
+    transcript = read(tmp_path, srt(*cues), "a.srt", 6.0)
+    assert [word.text for word in transcript.words] == " ".join(said).split()
+    assert transcript.notes == ()
+
+
+def test_numbers_that_are_said_stay(tmp_path):
+    said = [(0.4, 1.5, "the answer is\n42"), (1.6, 2.6, "so\n\n7"), (2.6, 3.5, "or\n8")]
+    words = ["the", "answer", "is", "42", "so", "7", "or", "8"]
+    for name, content in (
+        ("a.srt", srt(*said)),
+        ("b.srt", srt(*said[:1], (1.6, 2.6, "so\n7"), *said[2:], blank="")),
+        ("c.vtt", "WEBVTT\n\n" + srt(*said, numbered=False).replace("\n\n7", "\n7")),
+    ):
+        assert [word.text for word in read(tmp_path, content, name, 4.0).words] == words, name
+    doubled = srt((0.4, 1.5, "the answer"), (1.6, 2.6, "is 42")).replace("\n", "\n\n")
+    words = [word.text for word in read(tmp_path, doubled, "e.srt", 4.0).words]
+    assert words == ["the", "answer", "is", "42"]
+    countdown = srt((0.4, 1.5, "3"), (1.6, 2.6, "2"), (2.6, 3.5, "1"))
+    assert [w.text for w in read(tmp_path, countdown, "d.srt", 4.0).words] == ["3", "2", "1"]
+
+
 def test_captions_that_stay_while_the_next_is_spoken_are_cut(tmp_path):
     content = srt(
         (0.4, 2.6, "so the big wheel"), (1.6, 3.5, "turns slowly"), (2.6, 3.5, "and stops")

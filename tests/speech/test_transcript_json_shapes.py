@@ -150,6 +150,61 @@ SHAPES = {
 }
 
 
+def test_words_of_several_speakers_are_told(tmp_path):
+    speakers = [{**word, "speaker": f"S{i % 2}"} for i, word in enumerate(listed())]
+    aws = [
+        {"type": "pronunciation", "start_time": s, "end_time": e, "speaker_label": f"spk_{w}"}
+        | {"alternatives": [{"content": w}]}
+        for w, s, e in TURNING[:2]
+    ]
+    google = [{"channelTag": i + 1, "alternatives": [{"words": [listed()[i]]}]} for i in (0, 1)]
+    for document in (
+        {"audio_duration": 3.0, "words": speakers},
+        {"segments": [{"start": 0.4, "end": 2.6, "text": "", "words": speakers}]},
+        {"results": {"items": aws}},
+        {"results": google},
+    ):
+        (tmp_path / "a.json").write_text(json.dumps(document))
+        notes = read_transcript_with_timing(tmp_path / "a.json").notes
+        assert notes == ("holds the words of 2 speakers or channels, all of which are taken",)
+
+
+def test_dates_of_speechmatics_are_read_as_they_were_said(tmp_path):
+    def word(text, start, end, kind="word", **more):
+        times = {"start_time": start, "end_time": end}
+        return {"type": kind, **times, "alternatives": [{"content": text}], **more}
+
+    said = [word(*one) for one in TURNING[1:3]]
+    items = [word(*TURNING[0]), word("1 big", 0.62, 1.1, "entity", spoken_form=said)]
+    items.append(word("7", 1.2, 1.4, "entity"))
+    (tmp_path / "a.json").write_text(json.dumps({"results": items}))
+    assert times(read_transcript(tmp_path / "a.json")) == [*TURNING[:3], ("7", 1.2, 1.4)]
+
+
+def test_guesses_while_listening_are_left_out(tmp_path):
+    guess = {"final": False, "alternatives": [{"timestamps": [["sow", 0.41, 0.63]]}]}
+    final = {"final": True, "alternatives": [{"timestamps": [list(word) for word in TURNING]}]}
+    (tmp_path / "a.json").write_text(json.dumps({"results": [guess, final]}))
+    assert times(read_transcript(tmp_path / "a.json")) == TURNING
+
+
+def test_times_that_are_none_are_not_taken_for_some(tmp_path):
+    marks = [
+        {"time": 400 + 300 * i, "type": kind, "start": 5 * i, "end": 5 * i + 3, "value": word}
+        for i, (kind, word) in enumerate((("sentence", "so on"), ("word", "so"), ("word", "on")))
+    ]
+    (tmp_path / "a.json").write_text("\n".join(map(json.dumps, marks)))
+    words = read_transcript(tmp_path / "a.json")
+    assert [(word.text, round(word.start, 6)) for word in words] == [("so", 0.7), ("on", 1.0)]
+    frames = [{"word": "so", "start_offset": 5, "end_offset": 7}]
+    (tmp_path / "a.json").write_text(json.dumps(frames))
+    with pytest.raises(InputFileError, match="have no times under a name that is known"):
+        read_transcript(tmp_path / "a.json")
+    few = {"audio_duration": 3600, "words": listed(1000, "text")}
+    (tmp_path / "a.json").write_text(json.dumps(few))
+    assert times(read_transcript(tmp_path / "a.json", 3600.0)) == TURNING
+
+
 @pytest.mark.parametrize(("document"), SHAPES.values(), ids=SHAPES.keys())
 def test_shapes(tmp_path, document):
     (tmp_path / "a.json").write_text(json.dumps(document))
@@ -203,6 +258,54 @@ def test_a_segment_that_was_not_aligned_is_spread():
     ]
 
 
+def test_whisper_cpp_joins_no_words_across_segments(tmp_path):
+    def segment(text, start, end, *tokens):
+        listed = [{"text": t, "offsets": {"from": s, "to": e}} for t, s, e in tokens]
+        return {"text": text, "offsets": {"from": start, "to": end}, "tokens": listed}
+
+    segments = [
+        segment(" the wheel", 400, 1000, (" the", 400, 600), (" wheel", 600, 900), (",", 900, 990)),
+        segment("turns on", 1600, 2000, ("turns", 1600, 1800), (" on", 1800, 2000), ("♪", 0, 0)),
+        segment("- slowly", 2000, 2600, ("-", 2000, 2010), (" slowly", 2100, 2600)),
+    ]
+    expected = [("the", 0.4, 0.6), ("wheel,", 0.6, 0.9), ("turns", 1.6, 1.8), ("on", 1.8, 2.0)]
+    (tmp_path / "a.json").write_text(json.dumps({"transcription": segments}))
+    assert times(read_transcript(tmp_path / "a.json")) == [*expected, ("slowly", 2.1, 2.6)]
+    for part in segments:
+        del part["tokens"]
+    (tmp_path / "a.json").write_text(json.dumps({"transcription": segments}))
+    words = read_transcript(tmp_path / "a.json")
+    assert [word.text for word in words] == ["the", "wheel", "turns", "on", "slowly"]
+    # With -ml 1, a segment is a part of a word.
+    parts = [
+        segment(t, s, e) for t, s, e in ((" whe", 400, 500), ("el", 500, 700), (".", 700, 900))
+    ]
+    (tmp_path / "a.json").write_text(json.dumps({"transcription": parts}))
+    assert times(read_transcript(tmp_path / "a.json")) == [("wheel.", 0.4, 0.7)]
+
+
+def test_words_without_times_lie_within_their_segment(tmp_path):
+    def segment(start, end, *words):
+        listed = [
+            {"word": w} | ({} if s is None else {"start": s, "end": s + 0.3}) for w, s in words
+        ]
+        text = " ".join(word for word, _ in words)
+        return {"start": start, "end": end, "text": text, "words": listed}
+
+    segments = [
+        segment(1.0, 2.0, ("go", 1.0), ("on", 1.5)),
+        segment(20.0, 21.0, ("1984.", None)),
+        segment(40.0, 42.0, ("12", None), ("it", 40.5), ("is", 41.0), ("7", None)),
+    ]
+    (tmp_path / "a.json").write_text(json.dumps({"segments": segments}))
+    words = read_transcript(tmp_path / "a.json")
+    assert times(words)[2:4] == [("1984.", 20.0, 21.0), ("12", 40.0, 40.5)]
+    assert times(words)[-1] == ("7", 41.3, 42.0)
+    none = {"segments": segments[1:2], "word_segments": segments[1]["words"]}
+    (tmp_path / "a.json").write_text(json.dumps(none))
+    assert times(read_transcript(tmp_path / "a.json")) == [("1984.", 20.0, 21.0)]
+
+
 def test_a_word_without_numbers_for_times_lies_between_its_neighbours(tmp_path):
     words = [*listed()[:2], {"word": "odd", "start": float("nan"), "end": float("nan")}]
     (tmp_path / "a.json").write_text(json.dumps({"segments": [{"words": [*words, listed()[4]]}]}))
@@ -226,6 +329,24 @@ def test_a_word_without_numbers_for_times_lies_between_its_neighbours(tmp_path):
             r"holds phones and no words \(tiers: 'phones'\)",
         ),
         ({"words": [{"word": "a", "start": 0, "end": "1" * 400}]}, "is not a time"),
+        (
+            {
+                "chunks": [
+                    {"text": " so on", "timestamp": [0.0, 29.0]},
+                    {"text": " more", "timestamp": [0.0, 5.0]},
+                ]
+            },
+            r"chunks\[1\]: its times start again at 0 s, after 29 s",
+        ),
+        ({"results": [{"alternatives": [{"transcript": "so on"}]}]}, "a text but no word times"),
+        (
+            {"recognizedPhrases": [{"offset": "PT0.4S", "nBest": [{"display": "So on."}]}]},
+            "a text but no word times",
+        ),
+        (
+            {"results": {"channels": [{"alternatives": [{"transcript": "so on", "words": []}]}]}},
+            "a text but no word times",
+        ),
     ],
 )
 def test_what_is_not_read_says_so(tmp_path, document, message):

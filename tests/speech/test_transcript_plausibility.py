@@ -136,13 +136,38 @@ def test_words_of_a_few_milliseconds_get_the_time_to_the_next(tmp_path):
     points = "".join(f"{s:.6f}\t{s:.6f}\t{w}\n" for w, s, _ in TURNING)
     assert times(read(tmp_path, points, "labels.txt").words)[:2] == [
         ("so", 0.4, 0.54),
-        ("the", 0.54, 0.75),
+        ("the", 0.62, 0.75),
     ]
+
+
+def test_points_keep_their_starts(tmp_path):
+    points = [("a", 0.5), ("significantly", 1.0), ("bigger", 1.3), ("one", 2.4)]
+    content = "".join(f"{start}\t{start}\t{word}\n" for word, start in points)
+    assert times(read(tmp_path, content).words) == [
+        ("a", 0.5, 0.57),
+        ("significantly", 1.0, 1.3),
+        ("bigger", 1.3, 1.72),
+        ("one", 2.4, 2.61),
+    ]
+
+
+def test_words_without_room_before_the_end_of_the_sound_are_counted(tmp_path):
+    content = rows(whole=False) + "".join(f"2.9\t2.9\tz{i}\n" for i in range(30))
+    transcript = read(tmp_path, content)
+    assert [word.text for word in transcript.words[6:]] == [f"z{i}" for i in range(5)]
+    assert transcript.words[-1].end == pytest.approx(3.0)
+    assert transcript.notes == (
+        "5 words of under 20 ms, or beside one, given the time up to the next",
+        "25 words of under 20 ms left out, for which there is no time before the end of the sound",
+    )
 
 
 ARPABET = ["S", "OW1", "DH", "AH0", "B", "IH1", "G"]
 IPA = ["s", "əʊ", "ð", "ə", "b", "\u026a", "\u0261", "w", "i\u02d0", "l", "t", "ɜ", "n", "z"]
 TIMIT = ["sh", "iy", "hv", "ae", "d", "y", "er", "d", "aa", "r", "k", "s", "uw", "t"]
+KALDI = ["B_B", "IH1_I", "G_E", "W_B", "IY1_I", "L_E"]
+X_SAMPA = ["t_h", "@U", "3`", "n_=", "r\\", "d_0", "i:", "l_G", "O:", "b", "s", "z"]
+LONG_IPA = [f"{label}\u02d0" for label in ("t\u0283", "d\u032a", "aj", *IPA[:4], *IPA[9:])]
 
 
 def textgrid(*tiers):
@@ -161,11 +186,27 @@ def phones(labels):
 def test_a_tier_of_phones_alone_is_refused(tmp_path):
     with pytest.raises(InputFileError, match=r"holds phones and no words \(tiers: 'phones'\)"):
         read_transcript(DATA / "wild/textgrid_phones_only/phones_only.TextGrid", 1.2)
-    for labels in (ARPABET, IPA, TIMIT):
+    for labels in (ARPABET, IPA, TIMIT, KALDI, X_SAMPA, LONG_IPA):
         with pytest.raises(InputFileError, match="holds phones and no words"):
             read(tmp_path, textgrid(("Mary", phones(labels))), "a.TextGrid")
         with pytest.raises(InputFileError, match="holds phones and no words"):
             read(tmp_path, rows(words=phones(labels), whole=False))
+
+
+@pytest.mark.parametrize("name", ["gesture", "POS", "ToBI tones", "emotion"])
+def test_tiers_of_something_else_are_no_words(tmp_path, name):
+    others = (name, phones(["ADV", "L*", "NOUN"]))
+    with pytest.raises(InputFileError, match=f"holds no words .*{name}"):
+        read(tmp_path, textgrid(others), "a.TextGrid")
+    assert times(read(tmp_path, textgrid(others, ("Bob", TURNING)), "a.TextGrid").words) == TURNING
+
+
+def test_phases_and_emotions_are_no_words(tmp_path):
+    listed = '[{"label": "happy", "start": 0, "end": 1}, {"label": "sad", "start": 1, "end": 2}]'
+    with pytest.raises(InputFileError, match="emotions and no words"):
+        read(tmp_path, listed, "a.json")
+    with pytest.raises(InputFileError, match="phases of gestures"):
+        read(tmp_path, textgrid(("x", phones(["stroke", "hold"]))), "a.TextGrid")
 
 
 @pytest.mark.parametrize(
@@ -203,3 +244,47 @@ def test_the_two_commands_get_the_same_words(tmp_path):
     """What `prepare` and `generate` call is one function; that a note exists is its own doing."""
     (tmp_path / "a.tsv").write_text(rows(1000))
     assert read_transcript(tmp_path / "a.tsv", 3.0) == read_transcript(tmp_path / "a.tsv", 3.2)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "".join(f"{w} {s:.2f} {e:.2f}\n" for w, s, e in TURNING),
+        "".join(f"{w},{s},{e},0.98\n" for w, s, e in TURNING),
+        "".join(f"{s}\t{e}\t{w}\t0.98\n" for w, s, e in TURNING),
+        "".join(f"0:00:0{s:.3f},0:00:0{e:.3f}\n{w}\n\n" for w, s, e in TURNING),
+    ],
+)
+def test_words_before_their_times_confidences_and_sbv_are_read(tmp_path, content):
+    assert times(read(tmp_path, content, "a.txt").words) == TURNING
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "".join(f"utt{i} rec {s:.2f} {e:.2f}\n" for i, (_, s, e) in enumerate(TURNING)),
+        "".join(f"rec A spk {s} {e} <o,f0> {w} and some more\n" for w, s, e in TURNING),
+        "".join(f"- word: {w}\n  start: {s}\n  end: {e}\n" for w, s, e in TURNING),
+        '<?xml version="1.0"?><tt><p begin="00:00:00.400" end="00:00:01.520">so</p></tt>',
+        "00:00 Intro\n00:12 So the wheel\n00:15 turns\n",
+        "".join(f"Bob (00:00:0{i}):\nso they all turn on and on\n" for i in range(4)),
+        "[00:00.40]so the big wheel\n[00:01.60]turns slowly\n[00:02.60]\n",
+        "[0.40s -> 1.52s] so the big wheel\n[1.60s -> 2.60s] turns slowly\n",
+    ],
+)
+def test_lists_of_times_are_no_prose(tmp_path, content):
+    with pytest.raises(InputFileError, match=r"looks like .* not like plain text"):
+        read(tmp_path, content, "a.txt")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "At 10:30 or 11:30, then 12:45",
+        "pi is 3.14, e is 2.71\nand the rest is none of our business, 10 9 8 7",
+        "ten\n10\nnine\n9\neight\n8",
+    ],
+)
+def test_prose_with_numbers_is_prose(tmp_path, content):
+    words = read(tmp_path, content, "a.txt").words
+    assert [word.text for word in words] == content.split()

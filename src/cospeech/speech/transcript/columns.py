@@ -159,7 +159,7 @@ def columns_by_content(rows: Sequence[Sequence[str]]) -> Columns | None:
     """The columns by what is in them; None where that can't be told.
 
     Clock times are start and end; of three columns of numbers the third may be the difference of
-    the others; two alone are start and end if no row says otherwise.
+    the others or a confidence; two alone are start and end if no row says otherwise.
     """
     width = max(map(len, rows))
     if width > _MOST_COLUMNS:
@@ -197,9 +197,11 @@ def _pair(cells: Sequence[Sequence[str]], numbers: Sequence[int]) -> tuple[int, 
                 rows = list(zip(values[i], values[j], values[k], strict=True))
                 if any(row[2] for row in rows) and all(_is_difference(*row) for row in rows):
                     return i, j
-    # Durations stand where ends would: then some are smaller than their starts.
-    if len(numbers) == 2 and numbers[1] == numbers[0] + 1:
-        first, second = (values[i] for i in numbers)
+    # Durations stand where ends would: then some are smaller than their starts. A third number
+    # may be a confidence.
+    is_sure = len(numbers) == 3 and all(0 <= value <= 1 for value in values[numbers[2]])
+    if (len(numbers) == 2 or is_sure) and numbers[1] == numbers[0] + 1:
+        first, second = (values[i] for i in numbers[:2])
         if all(a <= b for a, b in zip(first, second, strict=True)):
             return numbers[0], numbers[1]
     return None

@@ -14,7 +14,14 @@ SILENCE_LABELS = frozenset(
 _SPOKEN_SYMBOLS = frozenset("&%@$€£+")
 
 # Every pattern here either has no repeat that can give back what it took, or is bounded.
-_CLOCK = re.compile(r"[\[(]?\d{1,3}:[0-5]?\d(?::[0-5]?\d(?:[.,]\d{1,6})?|[.,]\d{1,6})[\])]?")
+_CLOCK = re.compile(
+    r"[\[(]?\d{1,3}:[0-5]?\d(?::[0-5]?\d(?:[.,]\d{1,6})?|[.,]\d{1,6})[\])]?[:,;]?"
+    r"|[\[(]\d{1,3}:[0-5]\d[\])][:,;]?"
+)
+_TIME = re.compile(
+    r"(?m)^\W{0,3}\d{1,3}:[0-5]\d(?!\d)"  # 00:12 at the start of a line
+    r"|(?<![\d.:])(?:\d{1,3}:[0-5]\d[.,:]|\d{1,5}\.)\d{1,6}(?:[.,]\d{1,6})?(?![\d:])"
+)
 _ARROW = re.compile(r"-{1,2}>")
 _TAG = re.compile(r"</?[a-zA-Z0-9:][^<>]{0,200}+>")
 _UNKNOWN = frozenset({"<unk>", "<UNK>"})
@@ -29,6 +36,15 @@ _FEWEST_ARPABET = 4
 _FEWEST_SHORT = 10
 _PHONETIC = frozenset("æçðøħŋœβθχ")
 _VOWELS = frozenset("aeiouyAEIOUY")
+_PLACE = re.compile(r"^[^\W_]{1,4}_[BIES]$")
+_DIACRITIC = re.compile(r"_.|(?<=.)[:`=~\"%]|[\u02b0-\u02ff\u0300-\u036f]")  # X-SAMPA's, IPA's
+
+_ANNOTATION_LABELS = """
+    stroke hold preparation prep retraction retract recoil rest
+    happy happiness sad sadness angry anger neutral fear fearful disgust disgusted surprise
+    surprised calm excited excitement frustrated frustration contempt
+"""
+_ANNOTATIONS = frozenset(_ANNOTATION_LABELS.split())
 
 
 def is_spoken(label: str) -> bool:
@@ -53,6 +69,11 @@ def without_clocks(text: str) -> tuple[str, int]:
     return " ".join(kept), sum(_CLOCK.fullmatch(token) is not None for token in tokens)
 
 
+def times_within(text: str) -> list[str]:
+    """Clock times and decimal fractions anywhere in a text."""
+    return [found.group().strip("[(\n \t") for found in _TIME.finditer(text)]
+
+
 def without_markup(text: str) -> tuple[str, int]:
     """A text without tags, entities and sounds in brackets, and how many those were.
 
@@ -75,6 +96,7 @@ def without_markup(text: str) -> tuple[str, int]:
 def are_phones(labels: Iterable[str]) -> bool:
     """Whether labels are ARPABET, or so short throughout that they are IPA or SAMPA.
 
+    Kaldi's places in the word (``AH0_B``), marks of length and other diacritics don't count.
     Languages written in syllables or ideographs have words of one character, so only Latin and
     phonetic letters count.
     """
@@ -83,6 +105,9 @@ def are_phones(labels: Iterable[str]) -> bool:
     if len(spoken) < _FEWEST_ARPABET:
         return False
     most = 0.8 * len(spoken)
+    if sum(_PLACE.search(label) is not None for label in spoken) >= most:
+        return True
+    spoken = [_DIACRITIC.sub("", label) or label for label in spoken]
     stressed = sum(label[-1] in "012" and label[:-1] in _ARPABET for label in spoken)
     if stressed and sum(label.rstrip("012") in _ARPABET for label in spoken) >= most:
         return True
@@ -90,6 +115,12 @@ def are_phones(labels: Iterable[str]) -> bool:
     short = [label for label in spoken if len(label) <= 2 and all(map(_is_phonetic, label))]
     consonants = sum(len(label) == 1 and label not in _VOWELS for label in short)
     return len(short) >= max(most, _FEWEST_SHORT) and consonants >= 0.2 * len(short)
+
+
+def are_annotations(labels: Iterable[str]) -> bool:
+    """Whether labels are phases of gestures or emotions throughout, and several."""
+    spoken = [label.strip().lower() for label in labels if is_spoken(label)]
+    return len(spoken) > 1 and _ANNOTATIONS.issuperset(spoken)
 
 
 def _is_phonetic(letter: str) -> bool:

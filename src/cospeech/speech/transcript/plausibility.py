@@ -15,6 +15,7 @@ from cospeech.errors import InputFileError
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript.entries import Entry, counted
 from cospeech.speech.transcript.labels import (
+    are_annotations,
     are_phones,
     is_spoken,
     without_clocks,
@@ -47,7 +48,8 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
     unknown.
 
     Raises:
-        InputFileError: A time is infinite, huge or reversed, or the words are phones.
+        InputFileError: A time is infinite, huge or reversed, or the words are phones, phases of
+            gestures or emotions.
     """
     spoken: list[Entry] = []
     clocks = marked = repeated = 0
@@ -75,6 +77,13 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
             path,
             f"holds phones and no words ({sample} ...)",
             hint="give the aligner's file with the tier of the words, called 'words'",
+        )
+    if are_annotations(entry.text for entry in spoken):
+        sample = " ".join(entry.text for entry in spoken[:8])
+        raise InputFileError(
+            path,
+            f"holds phases of gestures or emotions and no words ({sample})",
+            hint="give a file with the words that are said",
         )
     notes = []
     if clocks:
@@ -154,9 +163,11 @@ def plausible_words(
     if not words:
         return (), notes
     _require_pace(path, entries, words)
-    if duration_s is not None and not goes_on:
+    if goes_on:
+        duration_s = None
+    if duration_s is not None:
         words = _within(path, words, duration_s, notes)
-    return tuple(_lengthened(words, notes)), notes
+    return tuple(_lengthened(words, duration_s, notes)), notes
 
 
 def require_columns(path: Path, entries: Sequence[Entry]) -> None:
@@ -237,36 +248,45 @@ def _within(path: Path, words: list[Word], duration_s: float, notes: list[str]) 
     ]
 
 
-def _lengthened(words: list[Word], notes: list[str]) -> list[Word]:
-    """Words of a few milliseconds go on until the next one, or share the next one's time."""
+def _lengthened(words: list[Word], duration_s: float | None, notes: list[str]) -> list[Word]:
+    """Words of a few milliseconds go on until the next one, or share the next one's time.
+
+    Each keeps its start unless the next ones leave it no room: then they share what they have.
+    """
     result: list[Word] = []
-    moved = 0
+    moved = lost = 0
     index = 0
     while index < len(words):
-        stop = index
-        while stop < len(words) and words[stop].end - words[stop].start < SHORTEST_WORD_S:
-            stop += 1
-        if stop == index:
+        start = words[index].start
+        if words[index].end - start >= SHORTEST_WORD_S:
             result.append(words[index])
             index += 1
             continue
-        run = words[index:stop]
-        start = run[0].start
-        wanted = start + TYPICAL_LETTER_S * sum(max(1, letters(word.text)) for word in run)
-        if stop == len(words):
-            end = wanted
-        elif words[stop].start - start >= SHORTEST_WORD_S * len(run):
-            end = min(wanted, words[stop].start)
-        else:
-            run, end = [*run, words[stop]], words[stop].end
+        stop = index + 1
+        while stop < len(words) and words[stop].start - start < SHORTEST_WORD_S * (stop - index):
             stop += 1
-        result += _shared(run, start, max(end, run[-1].end))
-        moved += stop - index
+        run = words[index:stop]
+        end = start + TYPICAL_LETTER_S * sum(max(1, letters(word.text)) for word in run)
+        if stop < len(words):
+            end = min(end, words[stop].start)
+        end = max(end, *(word.end for word in run))
+        if duration_s is not None and end > duration_s:
+            room = max(SHORTEST_WORD_S, duration_s - start)
+            run = run[: max(1, int(room / SHORTEST_WORD_S))]
+            end = min(end, start + room)
+        result += _shared(run, start, end)
+        moved += len(run)
+        lost += stop - index - len(run)
         index = stop
     if moved:
         notes.append(
             f"{counted(moved, 'word')} of under {SHORTEST_WORD_S * 1e3:g} ms, or beside one, given"
             " the time up to the next"
+        )
+    if lost:
+        notes.append(
+            f"{counted(lost, 'word')} of under {SHORTEST_WORD_S * 1e3:g} ms left out, for which"
+            " there is no time before the end of the sound"
         )
     return result
 

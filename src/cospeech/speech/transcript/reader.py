@@ -19,6 +19,7 @@ from cospeech.speech.transcript.entries import (
     require_few,
 )
 from cospeech.speech.transcript.json_shapes import parse_json
+from cospeech.speech.transcript.labels import times_within
 from cospeech.speech.transcript.lines import is_bracketed, parse_bracketed
 from cospeech.speech.transcript.plausibility import plausible_words, require_columns, spoken_entries
 from cospeech.speech.transcript.spreading import fill_in_times, spread_text
@@ -51,6 +52,7 @@ _BY_LINE: tuple[tuple[Callable[[str], bool], _Parser], ...] = (
 """How one line of a format looks, for files whose name doesn't say it."""
 
 _LINES_LOOKED_AT = 50
+_MOST_TIMES, _FEWEST_TIMES = 0.2, 3  # share of a plain text's words, or of its lines; and a number
 _WHAT = "a transcript"
 _AUDIO_ALONE = "a transcript is optional: leave it out to go on with the audio alone"
 
@@ -109,6 +111,7 @@ def read_transcript_with_timing(
 def _plain(path: Path, text: str, duration_s: float | None) -> Entries:
     if not text.strip():
         raise InputFileError(path, "the transcript is empty", hint=_AUDIO_ALONE)
+    _require_prose(path, text)
     if duration_s is None:
         raise InputFileError(
             path,
@@ -117,6 +120,25 @@ def _plain(path: Path, text: str, duration_s: float | None) -> Entries:
             "them (e.g. Montreal Forced Aligner, Gentle, Whisper) and pass its output",
         )
     return Entries((Entry(text, 0.0, duration_s, "the text", is_phrase=True),), are_seconds=True)
+
+
+def _require_prose(path: Path, text: str) -> None:
+    times = times_within(text)
+    lines = [line for line in text.splitlines() if line.strip()]
+    timed = sum(bool(times_within(line)) for line in lines)
+    share = max(len(times) / len(text.split()), timed / len(lines) if timed > 1 else 0.0)
+    if len(times) >= _FEWEST_TIMES and share > _MOST_TIMES:
+        what = f"a list with times ({', '.join(times[:3])} ...)"
+    elif text.lstrip().startswith("<?xml"):
+        what = "XML"
+    else:
+        return
+    raise InputFileError(
+        path,
+        f"looks like {what} in a format that is not known, not like plain text",
+        hint="save it as SRT, as a TextGrid, or as a table with the columns start, end and"
+        " word, separated by tabs, in seconds; or keep the text alone",
+    )
 
 
 def _require_bounded(path: Path, entries: Sequence[Entry]) -> None:
@@ -184,4 +206,5 @@ def _parser_for(path: Path, text: str) -> _Parser | None:
     for is_line, parser in _BY_LINE:
         if any(map(is_line, lines)):
             return parser
-    return parse_json if start.startswith(("{", "[")) else None
+    is_list = start.startswith("[") and start[1:].lstrip()[:1] in ("", "{", "[", "]", '"')
+    return parse_json if start.startswith("{") or is_list else None

@@ -107,10 +107,15 @@ def _between(
     run: Sequence[Entry], before: float | None, after: float | None, pace: float
 ) -> list[Entry]:
     """The run laid out from the end of the word before it to the start of the word after it."""
-    weights = [max(1, letters(entry.text)) for entry in run]
-    length = pace * sum(weights)
+    length = pace * sum(max(1, letters(entry.text)) for entry in run)
     start = before if before is not None else min(after or 0.0, max(0.0, (after or 0.0) - length))
     end = max(start, after) if after is not None else start + length
+    return lay_out(run, start, end)
+
+
+def lay_out(run: Sequence[Entry], start: float, end: float) -> list[Entry]:
+    """Entries that share a time, s, in proportion to their letters."""
+    weights = [max(1, letters(entry.text)) for entry in run]
     laid_out, done = [], 0
     for entry, weight in zip(run, weights, strict=True):
         share_start = start + (end - start) * done / sum(weights)

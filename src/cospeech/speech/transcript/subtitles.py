@@ -17,13 +17,15 @@ from cospeech.speech.transcript.lines import numbered_lines
 # A fraction is what tells cue times from a range of clock times in prose.
 _CUE_CLOCK = CLOCK.removesuffix("?")
 _CUE_TIMES = re.compile(rf"\s{{0,9}}\[?{_CUE_CLOCK}\s{{0,9}}-->\s{{0,9}}{_CUE_CLOCK}(.*)")
+_SBV_TIMES = re.compile(rf"(?m)^({_CUE_CLOCK}),({_CUE_CLOCK})[ \t]{{0,9}}$")  # YouTube's own form
 _INLINE_TIME = re.compile(rf"<{CLOCK}>")
 
 _SHORTEST_CUE_S = 0.1
-_ROLLING_SHARE = 0.4
+_ROLLING_SHARE = 0.5
 _FEWEST_OVERLAPS = 2
 _FEWEST_TOKENS = 3
 _MOST_LINES = 20
+_MOST_DIGITS = 9
 
 
 @dataclass
@@ -36,18 +38,19 @@ class _Cue:
 
 def is_cue_times(line: str) -> bool:
     """Whether a line says when a cue is shown: ``00:00:01,000 --> 00:00:02,500``."""
-    return _CUE_TIMES.match(line) is not None
+    return _CUE_TIMES.match(line) is not None or _SBV_TIMES.match(line) is not None
 
 
 def parse_subtitles(path: Path, text: str) -> Entries:
     """Cues as phrases, or the words of cues that hold ``<00:00:01.000>`` between them.
 
-    Lines that captions carry over from the cue before (they roll) are left out. So are numbers,
-    notes and styles.
+    Lines that captions carry over from the cue before (they roll) are left out. So are the cues'
+    numbers, notes and styles.
 
     Raises:
         InputFileError: A line with ``-->`` holds no two times.
     """
+    text = _SBV_TIMES.sub(r"\1 --> \6", text)
     cues, repeated = _new_lines(_cues(path, text))
     cut = _cut_where_they_stay(cues)
     entries: list[Entry] = []
@@ -67,6 +70,8 @@ def _cues(path: Path, text: str) -> list[_Cue]:
     is_vtt = text.lstrip().startswith("WEBVTT")
     is_text = False
     aside: list[str] = []  # lines after a blank one, which belong to nothing yet
+    before, is_next = "", False  # the last line with something, and whether it was the last one
+    count = 0  # the number of the cue
     for place, line in numbered_lines(path, text, blank=True):
         if "-->" in line:
             times = _CUE_TIMES.match(line)
@@ -77,6 +82,14 @@ def _cues(path: Path, text: str) -> list[_Cue]:
                     place,
                     "a cue starts with 00:00:01,000 --> 00:00:02,500",
                 )
+            number = int(before) if before.isdecimal() and len(before) < _MOST_DIGITS else None
+            # Without a blank line before and none after it, only counting on tells a number from
+            # one that is said.
+            counts_on = number == count + 1 and (count > 0 or not cues)
+            lines = cues[-1].lines if is_text else aside
+            if number is not None and lines and (counts_on or (is_next and not is_text)):
+                lines.pop()
+                count = number
             _close(cues, aside, is_vtt)
             groups = times.groups()
             require_few(path, len(cues))
@@ -91,20 +104,15 @@ def _cues(path: Path, text: str) -> list[_Cue]:
             cues[-1].lines.append(line)
         else:
             aside.append(line)
+        before, is_next = line.strip() or before, bool(line.strip())
     _close(cues, aside, is_vtt)
     return cues
 
 
 def _close(cues: list[_Cue], aside: list[str], is_vtt: bool) -> None:
-    """Give the last cue what stands after a blank line in it, and take the next one's number."""
-    if not cues:
-        return
-    lines = cues[-1].lines
-    if aside:
-        if not is_vtt:  # where such lines are names and notes
-            lines += aside[:-1] if aside[-1].strip().isdecimal() else aside
-    elif len(lines) > 1 and lines[-1].strip().isdecimal():
-        lines.pop()
+    """Give the last cue what stands after a blank line in it; in VTT those are names and notes."""
+    if cues and not is_vtt:
+        cues[-1].lines += aside
 
 
 def _new_lines(cues: Sequence[_Cue]) -> tuple[list[_Cue], int]:
@@ -113,7 +121,13 @@ def _new_lines(cues: Sequence[_Cue]) -> tuple[list[_Cue], int]:
     for cue in cues:
         before.append([plain for line in cue.lines if (plain := _plain(line))])
     overlaps = [_overlap(one, two) for one, two in pairwise(before)]
-    count = sum(map(bool, overlaps))
+    for index, (cue, after) in enumerate(pairwise(cues), start=1):
+        if not _follows(cue, after):
+            overlaps[index] = 0
+    count = sum(
+        overlaps[index] > 0 and not _may_be_said_again(cue, after, *before[index : index + 2])
+        for index, (cue, after) in enumerate(pairwise(cues), start=1)
+    )
     is_rolling = count >= _FEWEST_OVERLAPS and count > _ROLLING_SHARE * (len(cues) - 1)
     new: list[_Cue] = []
     repeated = 0
@@ -159,6 +173,20 @@ def _overlap(before: Sequence[str], lines: Sequence[str]) -> int:
         if tokens[: len(carried)] == carried:
             return count
     return 0
+
+
+def _follows(before: _Cue, cue: _Cue) -> bool:
+    """Whether there is no pause between two cues: only then are lines carried over."""
+    return cue.start - before.end < _SHORTEST_CUE_S
+
+
+def _may_be_said_again(
+    before: _Cue, cue: _Cue, lines: Sequence[str], new_lines: Sequence[str]
+) -> bool:
+    """Whether a cue repeats the one before with a time of its own, so that it may be speech."""
+    is_same_time = (cue.start, cue.end) == (before.start, before.end)
+    is_short = min(cue.end - cue.start, before.end - before.start) < _SHORTEST_CUE_S
+    return lines == new_lines and not is_same_time and not is_short
 
 
 def _holds_on(before: _Cue, cue: _Cue, carried: int, tokens: int) -> bool:

@@ -48,6 +48,8 @@ def is_table(line: str) -> bool:
     fields = line.split(None, 2)
     if len(fields) >= 2 and all(_starts_with_digit(field) for field in fields[:2]):
         return not _is_ctm_row(fields)
+    if len(fields) == 3 and all(_starts_with_digit(field) and "." in field for field in fields[1:]):
+        return True
     return [field.lower() for field in fields[:2]] == ["start", "end"]
 
 

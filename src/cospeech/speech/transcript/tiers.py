@@ -23,6 +23,12 @@ _PHONE_NAMES = """
     sillabe foneem fonemen fonem fonemy głoski фонема фонемы звуки 音素 音節 音节 音位 声母 韵母
     声韵母 拼音 음소 음절
 """
+_OTHER_NAMES = """
+    gesture gestures phase phases stroke strokes hand hands handedness gaze posture viseme visemes
+    emotion emotions affect sentiment valence arousal pos upos xpos postag postags tobi tones
+    break breaks geste gestes
+"""
+_OTHERS = frozenset(_OTHER_NAMES.split())
 _WORDS, _PHONES = frozenset(_WORD_NAMES.split()), frozenset(_PHONE_NAMES.split())
 _SEPARATORS = re.compile(r"[\W_\d]+")
 
@@ -39,10 +45,11 @@ def words_tier(path: Path, tiers: Sequence[Tier]) -> Tier:
     """The tier that holds the words.
 
     That is the one called "words" in any of a dozen languages (also "speaker - words", "ORT-MAU");
-    else the only one that is neither called after phones or syllables nor full of them.
+    else the only one that is neither called after phones or syllables nor full of them, nor called
+    after gestures, emotions or parts of speech.
 
     Raises:
-        InputFileError: There are only phones, or it's not clear which tier is meant.
+        InputFileError: There are no words, or it's not clear which tier is meant.
     """
     names = ", ".join(repr(tier.name) for tier in tiers) or "none"
     named = [tier for tier in tiers if is_word_tier(tier.name)]
@@ -55,7 +62,14 @@ def words_tier(path: Path, tiers: Sequence[Tier]) -> Tier:
             f"several tiers hold words (tiers: {names})",
             hint="one file per speaker is expected: remove the other speakers' tiers",
         )
-    others = [tier for tier in tiers if not _holds_phones(tier)]
+    unnamed = [tier for tier in tiers if _OTHERS.isdisjoint(_parts(tier.name))]
+    if tiers and not unnamed:
+        raise InputFileError(
+            path,
+            f"holds no words (tiers: {names})",
+            hint="give a file with the words that are said, in a tier called 'words'",
+        )
+    others = [tier for tier in unnamed if not _holds_phones(tier)]
     if tiers and not others:
         raise InputFileError(
             path,

@@ -7,6 +7,7 @@ shape, and a line in `SHAPES`; `items` has what most of them need.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from cospeech.speech.transcript.json_shapes.services import (
     read_azure,
     read_deepgram,
     read_google,
+    read_polly,
     read_rev,
     read_watson,
 )
@@ -39,6 +41,7 @@ SHAPES: dict[str, _Shape] = {
     "AssemblyAI": read_assemblyai,
     "Deepgram": read_deepgram,
     "AWS Transcribe, Speechmatics": read_aws,
+    "AWS Polly": read_polly,
     "IBM Watson": read_watson,
     "Google": read_google,
     "Azure": read_azure,
@@ -50,6 +53,9 @@ SHAPES: dict[str, _Shape] = {
     "Gentle": read_word_lists,
 }
 """Every shape that is read, by what it is called in messages; the first that fits is taken."""
+
+
+_TEXTS = ("transcript", "text", "display", "Display", "lexical", "DisplayText")
 
 
 def parse_json(path: Path, text: str) -> Entries:
@@ -64,10 +70,18 @@ def parse_json(path: Path, text: str) -> Entries:
     documents = foreign.parse_json_stream(path, text, "a transcript", hint)
     document: Any = documents[0] if len(documents) == 1 else documents
     for read in SHAPES.values():
-        found = read(Document(path, document))
+        source = Document(path, document)
+        found = read(source)
         if found is not None:
             require_few(path, len(found.entries))
-            return found
+            if not any(entry.text.strip() for entry in found.entries) and _has_text(document):
+                raise InputFileError(
+                    path,
+                    "holds a text but no word times",
+                    hint="ask the recogniser for word times (offsets, timestamps), or save the text"
+                    " as .txt to have it spread over the sound",
+                )
+            return _with_speakers(found, len(source.speakers))
     keys = ", ".join(map(repr, list(document)[:6])) if isinstance(document, dict) else ""
     problem = "is JSON but not a transcript of a known shape"
     raise InputFileError(
@@ -76,3 +90,23 @@ def parse_json(path: Path, text: str) -> Entries:
         hint=f"known are the outputs of {', '.join(SHAPES)}, and lists of "
         '{"word": ..., "start": ..., "end": ...} in seconds',
     )
+
+
+def _with_speakers(found: Entries, count: int) -> Entries:
+    if count < 2:
+        return found
+    note = f"holds the words of {count} speakers or channels, all of which are taken"
+    return replace(found, notes=(*found.notes, note))
+
+
+def _has_text(document: Any) -> bool:
+    left = [document]
+    while left:
+        value = left.pop()
+        if isinstance(value, dict):
+            if any(isinstance(text := value.get(key), str) and text.strip() for key in _TEXTS):
+                return True
+            left += value.values()
+        elif isinstance(value, list):
+            left += value
+    return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,10 @@ from cospeech.speech.transcript.entries import Entry, require_few
 from cospeech.speech.transcript.lines import number
 
 TEXT_KEYS = ("word", "text", "label", "value", "content", "body")
-START_KEYS = ("start", "start_time", "startTime", "startOffset", "start_offset", "begin", "time")
-END_KEYS = ("end", "end_time", "endTime", "endOffset", "end_offset", "stop")
+START_KEYS = ("start", "start_time", "startTime", "startOffset", "begin", "time")
+END_KEYS = ("end", "end_time", "endTime", "endOffset", "stop")
 DURATION_KEYS = ("duration",)
+_SPEAKER_KEYS = ("speaker", "speaker_label", "speakerTag", "speakerLabel", "channelTag")
 _EXPECTED = 'a word is {"word": ..., "start": ..., "end": ...} in seconds'
 
 Item = tuple[str, Any]  # where it stands in the document, and what stands there
@@ -29,11 +30,13 @@ class Document:
         path: For messages.
         value: What it holds.
         made: Entries that were made of it, which are bounded.
+        speakers: Who said them, as far as it tells.
     """
 
     path: Path
     value: Any
     made: int = 0
+    speakers: set[str] = field(default_factory=set)
 
     def get(self, *keys: str) -> Any:
         """The value under a path of keys; None where there is none."""
@@ -64,15 +67,34 @@ class Document:
             raise InputFileError(
                 self.path, f"expected a word with its times, found {item!r:.60}", place, _EXPECTED
             )
+        self.hear(item)
         if item.get("case") == "not-found-in-audio":
             return Entry(text, None, None, place, is_phrase)
+        start, end = self.times(place, item)
+        start, end = (None if time is None else time * scale for time in (start, end))
+        return Entry(text, start, end, place, is_phrase)
+
+    def hear(self, item: Any) -> None:
+        """Take note of the speaker or the channel of a word or a phrase."""
+        speaker = first(item, _SPEAKER_KEYS) if isinstance(item, dict) else None
+        is_unknown = speaker == 0 and first(item, _SPEAKER_KEYS[2:]) is not None  # Google
+        if isinstance(speaker, (str, int)) and not is_unknown:
+            self.speakers.add(str(speaker))
+
+    def times(self, place: str, item: Any) -> tuple[float | None, float | None]:
+        """Start and end of a word or a phrase; None where it has none.
+
+        Raises:
+            InputFileError: A time is none.
+        """
+        if not isinstance(item, dict):
+            return None, None
         start = self.seconds(place, first(item, START_KEYS))
         end = self.seconds(place, first(item, END_KEYS))
         duration = self.seconds(place, first(item, DURATION_KEYS))
         if end is None and duration is not None and start is not None:
             end = start + duration
-        start, end = (None if time is None else time * scale for time in (start, end))
-        return Entry(text, start, end, place, is_phrase)
+        return start, end
 
     def seconds(self, place: str, value: Any) -> float | None:
         """Seconds of a number, "1.200s", "1.2" or {"seconds": 1, "nanos": 200000000}.

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from cospeech.errors import InputFileError
 from cospeech.speech.transcript.entries import Entries, Entry
 from cospeech.speech.transcript.json_shapes.items import Document, Item, children, first, has
 
+_WORD_TYPES = ("pronunciation", "word", "entity")
+_FINAL_KEYS = ("final", "isFinal", "is_final")
 _TICKS_S = 1e-7  # Azure counts in steps of 100 ns
 
 
@@ -22,6 +25,7 @@ def read_google(document: Document) -> Entries | None:
         return None
     entries = []
     for place, result in results:
+        document.hear(result)
         for inner, alternative in children(result, "alternatives", place):
             entries += [document.entry(*item) for item in children(alternative, "words", inner)]
             break
@@ -66,8 +70,9 @@ def read_deepgram(document: Document) -> Entries | None:
 def read_aws(document: Document) -> Entries | None:
     """AWS: ``{"results": {"items": [{"type": "pronunciation", "alternatives": [{"content"}]}]}}``.
 
-    Times are texts. Speechmatics has the list under "results" and calls the type "word".
-    Punctuation has no time, and is dropped.
+    Times are texts. Speechmatics has the list under "results" and calls the type "word", or
+    "entity" for a date or a number, of which the words as they were said are taken. Punctuation
+    has no time, and is dropped.
     """
     items = document.get("results", "items")
     above = "results.items"
@@ -76,21 +81,29 @@ def read_aws(document: Document) -> Entries | None:
     if not has(items, "type"):
         return None
     entries = []
-    for index, item in enumerate(items):
-        place = f"{above}[{index}]"
-        if not isinstance(item, dict) or item.get("type") not in ("pronunciation", "word"):
+    for place, item in _spoken_items(above, items):
+        if not isinstance(item, dict) or item.get("type") not in _WORD_TYPES:
             continue
         for _, alternative in children(item, "alternatives"):
             content = alternative.get("content") if isinstance(alternative, dict) else None
+            document.hear(alternative)
             entries.append(document.entry(place, {**item, "word": content}))
             break
     return Entries(tuple(entries))
 
 
+def _spoken_items(above: str, items: list[Any]) -> Iterator[Item]:
+    """The items of a list, and in the place of an entity the words in which it was said."""
+    for index, item in enumerate(items):
+        place = f"{above}[{index}]"
+        spoken = list(children(item, "spoken_form", place))
+        yield from spoken or [(place, item)]
+
+
 def read_assemblyai(document: Document) -> Entries | None:
     """``{"words": [{"text", "start", "end"}], "audio_duration": 3}``: whole milliseconds.
 
-    ``audio_duration`` is in seconds, and tells the milliseconds from seconds. Answers with
+    ``audio_duration`` is in seconds. Fractions that fit it are seconds. Answers with
     "sentences", "paragraphs" or "utterances" have the words in those.
     """
     length = document.get("audio_duration")
@@ -103,9 +116,25 @@ def read_assemblyai(document: Document) -> Entries | None:
     if not items:
         return None
     entries = [document.entry(*item) for item in items]
-    last = max((entry.end for entry in entries if entry.end is not None), default=0.0)
-    if last > 1.5 * length + 1:
+    ends = [entry.end for entry in entries if entry.end is not None]
+    if all(end.is_integer() for end in ends) or max(ends) > 1.5 * length + 1:
         entries = [document.entry(*item, scale=1e-3) for item in items]
+    return Entries(tuple(entries), are_seconds=True)
+
+
+def read_polly(document: Document) -> Entries | None:
+    """AWS Polly's marks: ``{"time": 400, "type": "word", "start": 0, "end": 2, "value": "so"}``.
+
+    The time is the onset in milliseconds; start and end count the bytes of the text.
+    """
+    value = document.value if isinstance(document.value, list) else [document.value]
+    if not (has(value, "time") and has(value, "type") and has(value, "value")):
+        return None
+    entries = []
+    for index, mark in enumerate(value):
+        if isinstance(mark, dict) and mark.get("type") == "word":
+            word = {"word": mark.get("value"), "start": mark.get("time")}
+            entries.append(document.entry(f"[{index}]", word, scale=1e-3))
     return Entries(tuple(entries), are_seconds=True)
 
 
@@ -164,7 +193,10 @@ def read_rev(document: Document) -> Entries | None:
 
 
 def _results(document: Document, key: str) -> list[Item] | None:
-    """The results of a document, of a wrapped answer, or of a list of answers."""
+    """The results of a document, of a wrapped answer, or of a list of answers.
+
+    Guesses that a service made while it listened are dropped where it gives final results.
+    """
     value = document.value
     if isinstance(document.get("response"), dict):
         value = document.get("response")
@@ -180,6 +212,8 @@ def _results(document: Document, key: str) -> list[Item] | None:
         for item in children(answer, "results", place)
         if isinstance(item[1], dict)
     ]
+    if any(first(item, _FINAL_KEYS) is True for _, item in found):
+        found = [one for one in found if first(one[1], _FINAL_KEYS) is True]
     is_one = isinstance(value, dict) and value.get("results") == []
     return found if is_one or any(key in item for _, item in found) else None
 

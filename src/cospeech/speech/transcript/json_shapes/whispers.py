@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import unicodedata
+from itertools import chain
 from typing import Any
 
+from cospeech.errors import InputFileError
 from cospeech.speech.transcript.entries import Entries, Entry, counted
 from cospeech.speech.transcript.json_shapes.items import Document, children, first, has
+from cospeech.speech.transcript.labels import is_spoken
+from cospeech.speech.transcript.spreading import lay_out
 
+_OVERLAP_S = 1.0  # that much may chunks overlap
 _WITHOUT_BLANKS = "\u3040"  # from here on in Unicode: kana, ideographs, syllables
 
 
 def read_segments(document: Document) -> Entries | None:
     """``{"segments": [{"start", "end", "text", "words": [...]}]}``, or that list alone.
 
-    A segment whose words could not be aligned, or were not asked for, is a phrase. Where no
-    segment has words, "words" or WhisperX's "word_segments" beside them are taken.
+    A segment whose words could not be aligned, or were not asked for, is a phrase; words without
+    times at an end of a segment lie within it. Where no segment has timed words, "words" or
+    WhisperX's "word_segments" beside them are taken.
     """
     value = document.value
     if isinstance(value, list) and has(value, "words"):
@@ -22,26 +29,48 @@ def read_segments(document: Document) -> Entries | None:
     if not isinstance(value, dict) or not isinstance(value.get("segments"), list):
         return _words_beside(document, value)
     segments = list(children(value, "segments"))
-    aligned = [isinstance(item, dict) and bool(item.get("words")) for _, item in segments]
-    if not any(aligned):
+    listed = [
+        [document.entry(*item) for item in children(segment, "words", place)]
+        for place, segment in segments
+    ]
+    is_aligned = any(map(_is_timed, chain.from_iterable(listed)))
+    if not is_aligned:
         beside = _words_beside(document, value)
         if beside is not None:
             return beside
     entries: list[Entry] = []
     phrases = 0
-    for place, segment in segments:
-        words = list(children(segment, "words", place))
-        if words:
-            entries += [document.entry(*item) for item in words]
-        elif isinstance(segment, dict) and isinstance(first(segment, ("text", "body")), str):
+    for (place, segment), words in zip(segments, listed, strict=True):
+        has_text = isinstance(segment, dict) and isinstance(first(segment, ("text", "body")), str)
+        if has_text and not any(map(_is_timed, words)):
             entry = document.entry(place, segment, is_phrase=True)
             entries.append(entry)
             phrases += bool(entry.text.strip())
+        elif words:
+            entries += _within(words, *document.times(place, segment))
     notes: tuple[str, ...] = ()
-    if phrases and any(aligned):
+    if phrases and is_aligned:
         told = counted(phrases, "segment")
         notes = (f"{told} of {len(segments)} without word times: the words were spread over it",)
     return Entries(tuple(entries), notes)
+
+
+def _is_timed(entry: Entry) -> bool:
+    return entry.start is not None or entry.end is not None
+
+
+def _within(words: list[Entry], start: float | None, end: float | None) -> list[Entry]:
+    """The words of a segment, of which those at its ends that have no time lie within it."""
+    timed = [index for index, word in enumerate(words) if _is_timed(word)]
+    if not timed:
+        return words
+    head, tail = words[: timed[0]], words[timed[-1] + 1 :]
+    first_start, last_end = words[timed[0]].start, words[timed[-1]].end
+    if head and start is not None and first_start is not None and start < first_start:
+        head = lay_out(head, start, first_start)
+    if tail and end is not None and last_end is not None and last_end < end:
+        tail = lay_out(tail, last_end, end)
+    return [*head, *words[timed[0] : timed[-1] + 1], *tail]
 
 
 def _words_beside(document: Document, value: Any) -> Entries | None:
@@ -49,21 +78,42 @@ def _words_beside(document: Document, value: Any) -> Entries | None:
         if isinstance(value, dict) and value.get(key) and isinstance(value[key], list):
             if key == "words" and "segments" not in value:
                 return None
-            return Entries(tuple(document.entry(*item) for item in children(value, key)))
+            entries = tuple(document.entry(*item) for item in children(value, key))
+            if key == "words" or any(map(_is_timed, entries)) or not value.get("segments"):
+                return Entries(entries)
     return None
 
 
 def read_chunks(document: Document) -> Entries | None:
-    """Hugging Face pipelines: ``{"chunks": [{"text", "timestamp": [start, end]}]}``."""
+    """Hugging Face pipelines: ``{"chunks": [{"text", "timestamp": [start, end]}]}``.
+
+    Raises:
+        InputFileError: The times start again, as those of parts of a recording do.
+    """
     if not has(document.get("chunks"), "timestamp"):
         return None
-    entries = []
+    entries: list[Entry] = []
     for place, chunk in children(document.value, "chunks"):
         times = chunk.get("timestamp") if isinstance(chunk, dict) else None
         if isinstance(times, list) and len(times) == 2:
             chunk = {**chunk, "start": times[0], "end": times[1]}
-        entries.append(document.entry(place, chunk))
+        entry = document.entry(place, chunk)
+        if entries and _starts_again(entries[-1], entry):
+            raise InputFileError(
+                document.path,
+                f"its times start again at {entry.start:g} s, after {entries[-1].end:g} s",
+                place,
+                "transcribe it with times from the start of the whole recording, or add to the"
+                " times of each part where that starts",
+            )
+        entries.append(entry)
     return Entries(tuple(entries))
+
+
+def _starts_again(before: Entry, entry: Entry) -> bool:
+    if before.start is None or before.end is None or entry.start is None:
+        return False
+    return entry.start <= before.start and entry.start < before.end - _OVERLAP_S
 
 
 def read_whisper_cpp(document: Document) -> Entries | None:
@@ -74,10 +124,10 @@ def read_whisper_cpp(document: Document) -> Entries | None:
     """
     if not has(document.get("transcription"), "offsets"):
         return None
-    parts: list[Entry] = []
+    segments = []
     for place, segment in children(document.value, "transcription"):
-        tokens = list(children(segment, "tokens", place))
-        for inner, item in tokens or [(place, segment)]:
+        parts = []
+        for inner, item in list(children(segment, "tokens", place)) or [(place, segment)]:
             offsets = item.get("offsets") if isinstance(item, dict) else None
             times = offsets if isinstance(offsets, dict) else {}
             text = item.get("text") if isinstance(item, dict) else None
@@ -85,19 +135,25 @@ def read_whisper_cpp(document: Document) -> Entries | None:
             entry = document.entry(inner, timed, scale=1e-3)
             if not (entry.text.startswith("[_") and entry.text.endswith("]")):  # [_BEG_], [_TT_50]
                 parts.append(entry)
-    return Entries(tuple(_joined(parts)), are_seconds=True)
+        segments.append(parts)
+    if all(len(parts) <= 1 and " " not in parts[0].text.strip() for parts in segments if parts):
+        segments = [list(chain.from_iterable(segments))]  # what -ml 1 writes
+    has_blanks = any(part.text.startswith(" ") for parts in segments for part in parts)
+    words = chain.from_iterable(_joined(parts, has_blanks) for parts in segments)
+    return Entries(tuple(words), are_seconds=True)
 
 
-def _joined(parts: list[Entry]) -> list[Entry]:
-    """Words of parts of words."""
-    has_blanks = any(part.text.startswith(" ") for part in parts)
+def _joined(parts: list[Entry], has_blanks: bool) -> list[Entry]:
+    """Words of parts of words. A symbol is none of them, and punctuation takes no time."""
     words: list[Entry] = []
     for part in parts:
-        begins = part.text.startswith(" ") or part.text[:1] >= _WITHOUT_BLANKS or not has_blanks
-        if words and not begins:
-            before = words[-1]
-            end = before.end if part.end is None else part.end
-            words[-1] = Entry(before.text + part.text, before.start, end, before.place)
-        else:
+        text = part.text
+        is_mark = not is_spoken(text)
+        begins = text.startswith(" ") or text[:1] >= _WITHOUT_BLANKS or not has_blanks
+        if not words or begins:
             words.append(part)
+        elif not is_mark or all(unicodedata.category(sign)[0] == "P" for sign in text.strip()):
+            before = words[-1]
+            end = before.end if part.end is None or is_mark else part.end
+            words[-1] = Entry(before.text + text, before.start, end, before.place)
     return words
