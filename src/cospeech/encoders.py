@@ -24,6 +24,7 @@ from cospeech.metrics.encoder import (
     load_encoder,
     save_encoder,
 )
+from cospeech.nn.checkpoints import WholeCheckpoints
 
 BATCH_SIZE = 128
 """Windows per batch of the auto-encoder's training, as published (spec 2.4)."""
@@ -55,7 +56,7 @@ def encoder_for(store: Store, choice: str, epochs: int, seed: int) -> GestureEnc
             encoder = _kept(path)
             if encoder is None:
                 logger.info("training the FGD encoder on %s (once; kept in %s)", store.name, path)
-                save_encoder(_train(store, epochs, seed), path)
+                save_encoder(_train(store, epochs, seed, path.parent), path)
     return encoder or load_encoder(path)
 
 
@@ -87,7 +88,7 @@ def _path(store: Store, epochs: int, seed: int) -> Path:
     return store.path / "encoders" / f"autoencoder-e{epochs}-s{seed}.pt"
 
 
-def _train(store: Store, epochs: int, seed: int) -> GestureEncoder:
+def _train(store: Store, epochs: int, seed: int, place: Path) -> GestureEncoder:
     lightning.seed_everything(seed, verbose=False)
     model = MotionAutoencoder(corpus=store.facts())
     loaders = {}
@@ -95,7 +96,8 @@ def _train(store: Store, epochs: int, seed: int) -> GestureEncoder:
         dataset = WindowDataset(store, split, model.window, model.needs)
         size = min(BATCH_SIZE, len(dataset))
         loaders[split] = WindowLoader(dataset, size, seed, shuffle, drop_last=shuffle)
-    with tempfile.TemporaryDirectory() as folder:
+    # Beside its target, where there is room for it or for nothing: not where TMPDIR says.
+    with tempfile.TemporaryDirectory(prefix=".training-", dir=place) as folder:
         best = ModelCheckpoint(folder, "best", monitor=model.monitor)
         trainer = Trainer(
             max_epochs=epochs,
@@ -105,6 +107,7 @@ def _train(store: Store, epochs: int, seed: int) -> GestureEncoder:
             enable_model_summary=False,
             num_sanity_val_steps=0,
             callbacks=[best, TQDMProgressBar(refresh_rate=10)],
+            plugins=[WholeCheckpoints()],
         )
         trainer.fit(model, loaders["train"], loaders["val"])
         weights = torch.load(best.best_model_path, weights_only=True)["state_dict"]

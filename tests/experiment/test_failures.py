@@ -1,6 +1,7 @@
 """Which exceptions become a sentence, and what it says."""
 
 import errno
+import logging.config
 
 import pytest
 import torch
@@ -9,6 +10,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cospeech.errors import ConfigError, InputFileError
+from cospeech.experiment.command_line import _settings_of_place
 from cospeech.experiment.failures import as_sentence
 from cospeech.experiment.folders import changed_settings
 from cospeech.reporting.record import write_json
@@ -59,6 +61,23 @@ def test_errors_of_the_system_say_what_and_where(number, hint):
     assert hint in told.hint
     cfg = OmegaConf.create({"outputs_dir": "out"})
     assert "outputs_dir=out" in as_sentence(OSError(number, "what it is"), cfg).problem
+
+
+def test_a_log_that_cannot_be_opened_is_named(tmp_path):
+    file = {"class": "logging.FileHandler", "filename": str(tmp_path / "absent" / "train.log")}
+    config = {"version": 1, "incremental": False, "handlers": {"file": file}}
+    told = as_sentence(raised(lambda: logging.config.dictConfig(config)))
+    assert told.problem == f"{file['filename']}: No such file or directory"
+
+
+def test_the_place_is_named_of_a_command_that_ended_before_its_config(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for overrides, place in (
+        (["model=knn"], "outputs"),
+        (["outputs_dir=a", "outputs_dir='b c'"], "b c"),
+    ):
+        told = as_sentence(OSError(errno.ENOSPC, "full"), _settings_of_place(overrides))
+        assert told.problem == f"below outputs_dir={tmp_path / place}: full"
 
 
 def test_too_little_memory_is_one_line():

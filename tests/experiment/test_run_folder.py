@@ -1,12 +1,14 @@
 """Which folder a run gets, and which one it goes on in."""
 
+import json
 from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
 
 from cospeech.errors import ConfigError
-from cospeech.experiment import run_folder, run_identity
+from cospeech.experiment import run, run_folder, run_identity
+from cospeech.experiment.folders import changed_settings
 from cospeech.reporting.record import write_json
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
@@ -51,6 +53,46 @@ def test_a_run_may_be_made_longer_but_not_otherwise(tmp_path):
     for change in ("model.learning_rate=1e-5", "training.batch_size=64", "data.minutes=10"):
         with pytest.raises(ConfigError, match="no run trimodal-synthetic-full-s0"):
             run_folder("run", str(tmp_path), PREFIX, "last", _root_=config(change))
+
+
+def test_workers_and_the_place_of_stores_may_differ(tmp_path):
+    record(tmp_path, "20260101-000000-000000", config())
+    other = config("data.workers=1", "data.store_dir=elsewhere")
+    assert run_folder("run", str(tmp_path), PREFIX, "last", _root_=other)
+    write_json(tmp_path / "record.json", {"config": {"data": {"workers": 4, "minutes": 1}}})
+    told = changed_settings(other, tmp_path / "record.json")
+    assert any(line.startswith("data.minutes was 1") for line in told)
+    assert not any("workers" in line or "store_dir" in line for line in told)
+
+
+@pytest.mark.parametrize("content", ["", '{"identity": "3', "[]"])
+def test_a_damaged_record_is_named_where_no_other_run_fits(tmp_path, content):
+    path = tmp_path / f"{PREFIX}-20260102-000000-000000" / "record.json"
+    path.parent.mkdir()
+    path.write_text(content)
+    with pytest.raises(ConfigError, match=r"record\.json is damaged") as error:
+        run_folder("run", str(tmp_path), PREFIX, "last", _root_=config())
+    assert str(path) in error.value.problem
+    checkpoint = path.parent / "checkpoints" / "last.ckpt"
+    assert error.value.hint.endswith(f"ckpt_path={checkpoint}")
+    record(tmp_path, "20260101-000000-000000", config())
+    found = run_folder("run", str(tmp_path), PREFIX, "last", _root_=config())
+    assert found.endswith("20260101-000000-000000")
+
+
+def test_a_finished_run_with_more_epochs_than_asked_for_is_refused(tmp_path):
+    record = {
+        "status": "ok",
+        "fit": {"asked": 2, "ended": 2},
+        "config": {"training": {"epochs": 2}},
+    }
+    write_json(tmp_path / "record.json", record)
+    cfg = config("training.epochs=1", "ckpt_path=last", f"run_dir={tmp_path}")
+    with pytest.raises(ConfigError, match="has 2 epochs already"):
+        run(cfg)
+    assert json.loads((tmp_path / "record.json").read_text()) == record
+    cfg.training.epochs = 2
+    assert run(cfg).record["status"] == "ok"
 
 
 def test_a_job_of_a_sweep_without_a_run_starts_one(tmp_path):

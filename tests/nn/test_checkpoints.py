@@ -4,6 +4,7 @@ import errno
 import logging
 import os
 import resource
+import shutil
 import signal
 import struct
 import subprocess
@@ -13,6 +14,8 @@ from pathlib import Path
 
 import pytest
 import torch
+from lightning import LightningModule, Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.nn import checkpoints
@@ -263,3 +266,71 @@ def test_killed_at_any_moment_of_its_writing_at_most_one_save_is_lost(last, tmp_
     assert torn > 0  # kills did fall into the writing
     assert not list(elsewhere.iterdir())
     elsewhere.rmdir()
+
+
+class Losses(LightningModule):
+    """Ends its epochs with given losses; its weight counts them."""
+
+    def __init__(self, losses):
+        super().__init__()
+        self.losses = losses
+        self.weight = torch.nn.Parameter(torch.zeros(1))
+
+    def training_step(self, batch, index):
+        self.log("loss", self.losses[self.current_epoch], on_step=False, on_epoch=True)
+        return (self.weight * batch).sum()
+
+    def configure_optimizers(self):
+        return torch.optim.SGD(self.parameters(), lr=1.0)
+
+
+def trained(folder, losses, checkpoint=None):
+    """The callback that keeps the best of epochs with these losses."""
+    same = {"enable_version_counter": False, "save_on_train_epoch_end": True}
+    best = ModelCheckpoint(folder / "checkpoints", "best", monitor="loss", **same)
+    kept = ModelCheckpoint(folder / "checkpoints", "last", **same)
+    trainer = Trainer(
+        max_epochs=len(losses),
+        accelerator="cpu",
+        logger=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        callbacks=[best, kept],
+        plugins=[WholeCheckpoints()],
+    )
+    batches = torch.utils.data.DataLoader(torch.ones(1, 1))
+    trainer.fit(Losses(losses), batches, ckpt_path=checkpoint, weights_only=True)
+    return best
+
+
+@pytest.mark.filterwarnings("ignore:.*does not have many workers", "ignore:.*logging interval")
+@pytest.mark.parametrize("way", [shutil.move, shutil.copytree])
+@pytest.mark.parametrize("more", [[], [3.0]], ids=["no epochs left", "a worse epoch"])
+def test_a_moved_run_keeps_its_best_checkpoint(tmp_path, way, more):
+    losses = [1.0, 2.0]
+    trained(tmp_path / "old", losses)
+    way(tmp_path / "old", tmp_path / "new")
+    folder = tmp_path / "new" / "checkpoints"
+    best = trained(tmp_path / "new", losses + more, folder / "last.ckpt")
+    assert best.best_model_score == 1.0
+    assert best.best_model_path == str(folder / "best.ckpt")
+    assert read(folder / "best.ckpt")["epoch"] == 0
+    assert read(folder / "last.ckpt")["epoch"] == len(losses + more) - 1
+
+
+@pytest.mark.parametrize(
+    "callbacks",
+    [
+        None,
+        [1],
+        {"a": 1},
+        {"a": {"dirpath": 3}},
+        {"a": {"dirpath": "/gone"}},
+        {"a": {"dirpath": "/gone", "best_model_path": 3, "best_k_models": [1]}},
+        {"a": {"dirpath": "/gone", "best_model_path": "/gone/best.ckpt"}},
+    ],
+    ids=str,
+)
+def test_what_callbacks_of_others_kept_stays(last, callbacks):
+    WholeCheckpoints().save_checkpoint({**content(1), "callbacks": callbacks}, last)
+    assert WholeCheckpoints().load_checkpoint(last)["callbacks"] == callbacks

@@ -47,6 +47,7 @@ def command(task: Callable[[DictConfig], Any], script: str) -> None:
         script: The root script's ``__file__``; ``conf`` is beside it, with a yaml of its name.
     """
     keep_printing()
+    logging.raiseExceptions = False  # a log that can't be written is no traceback per line
     path = Path(script).resolve()
     name, conf = path.stem, path.parent / "conf"
     given = _arguments()
@@ -77,7 +78,7 @@ def command(task: Callable[[DictConfig], Any], script: str) -> None:
     except Exception as error:
         if _failed_jobs:
             _end_of_multirun()
-        sentence = as_sentence(error)
+        sentence = as_sentence(error, _settings_of_place(given.overrides))
         if asked_for_all or sentence is None:
             raise
         _end(sentence)
@@ -102,6 +103,7 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         # Hydra opens it in the terminal's encoding, which may know no letter of a path.
         cast(TextIOWrapper, handler.stream).reconfigure(encoding="utf-8", errors="backslashreplace")
     multirun = HydraConfig.get().mode == RunMode.MULTIRUN
+    written = _folders_written(cfg)
     try:
         if multirun:
             refuse_unknown_settings(cfg)
@@ -117,12 +119,31 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         print(f"\nerror: {told}", file=sys.stderr)
         if sentence is None:
             traceback.print_exception(error)
+        if sentence is not None:
+            for folder, is_new in written.items():
+                remove_leftovers(folder, is_new)
         if multirun:
             _failed_jobs.append((" ".join(HydraConfig.get().overrides.task), told))
             raise
-        if sentence is not None:
-            remove_leftovers(Path(HydraConfig.get().runtime.output_dir))
         sys.exit(1)
+
+
+def _settings_of_place(overrides: list[str]) -> DictConfig:
+    """Where a command was to write, if it ends before Hydra has given it a config."""
+    typed = [text for text in overrides if text.startswith("outputs_dir=")]
+    folder = typed[-1].partition("=")[2].strip("'\"") if typed else "outputs"
+    return DictConfig({"outputs_dir": str(Path(folder).absolute())})
+
+
+def _folders_written(cfg: DictConfig) -> dict[Path, bool]:
+    """The folders of a command, and whether it makes them; asked before its task begins."""
+    hydra_cfg = HydraConfig.get()
+    named = any(text.startswith("hydra.run.dir=") for text in hydra_cfg.overrides.hydra)
+    folders = {Path(hydra_cfg.runtime.output_dir): not named}
+    run_dir = cfg.get("run_dir")
+    if run_dir is not None and Path(run_dir).absolute() not in folders:
+        folders[Path(run_dir).absolute()] = not Path(run_dir).exists()
+    return folders
 
 
 def _arguments() -> argparse.Namespace:

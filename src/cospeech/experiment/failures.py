@@ -48,13 +48,18 @@ def as_sentence(error: BaseException, cfg: DictConfig | None = None) -> Cospeech
 
 
 def _causes(error: BaseException) -> Iterator[BaseException]:
-    """The exception, and what those that only pass on (of Hydra and OmegaConf) were caused by."""
+    """The exception, and what those that only pass on were caused by.
+
+    Those are Hydra's, OmegaConf's, and logging's where it can't open a file.
+    """
     seen = set[int]()
     link: BaseException | None = error
     while link is not None and id(link) not in seen:
         seen.add(id(link))
         yield link
-        passes_on = isinstance(link, HydraException | OmegaConfBaseException)
+        passes_on = isinstance(link, HydraException | OmegaConfBaseException) or str(
+            link
+        ).startswith("Unable to configure handler")
         link = (link.__cause__ or link.__context__) if passes_on else None
 
 

@@ -20,6 +20,9 @@ from cospeech.foreign import read_json
 _DECIDES = ("model", "data", "training", "metrics", "seed")
 """The parts of a config that decide what a run computes."""
 
+_DECIDES_NOT = ("training.epochs", "data.workers", "data.store_dir")
+"""Settings below those that may change: how long, by how many processes, and where."""
+
 _SETTINGS_SHOWN = 6
 
 
@@ -35,14 +38,14 @@ def resume_command() -> str:
 def run_identity(cfg: DictConfig) -> str:
     """Hash of the settings that decide what a run computes; equal ones can go on with each other.
 
-    The number of epochs is left out, so that a run can be made longer.
+    The number of epochs is left out, so that a run can be made longer, and so is what changes no
+    result.
     """
     parts = {key: cfg.get(key) for key in _DECIDES}
     values = OmegaConf.to_container(OmegaConf.create({**parts}), resolve=False)
     assert isinstance(values, dict)
-    values["training"] = {
-        key: value for key, value in (values["training"] or {}).items() if key != "epochs"
-    }
+    for part, _, name in (key.partition(".") for key in _DECIDES_NOT):
+        (values[part] or {}).pop(name, None)
     text = json.dumps(values, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -55,8 +58,8 @@ def changed_settings(cfg: DictConfig, record: Path) -> list[str]:
         record: A ``record.json``; one that can't be read tells of no difference.
 
     Returns:
-        ``"model.layers was 4, is 2"``, a setting each; without the number of epochs, and without
-        those that follow from others (``${...}``).
+        ``"model.layers was 4, is 2"``, a setting each; without the number of epochs, what changes
+        no result, and those that follow from others (``${...}``).
     """
     config = _config(record)
     if not config:
@@ -66,7 +69,7 @@ def changed_settings(cfg: DictConfig, record: Path) -> list[str]:
     return [
         f"{key} was {_short(before, key)}, is {_short(now, key)}"
         for key in sorted(before.keys() | now.keys())
-        if key != "training.epochs"
+        if key not in _DECIDES_NOT
         and before.get(key, _ABSENT) != now.get(key, _ABSENT)
         and "${" not in str(now.get(key))
     ]
@@ -84,8 +87,8 @@ def run_folder(
         checkpoint: The config's ``ckpt_path``.
 
     Raises:
-        ConfigError: ``ckpt_path=last`` and no run has these settings; names those that differ from
-            the newest run of the prefix.
+        ConfigError: ``ckpt_path=last`` and no run has these settings; names a damaged record, or
+            the settings that differ from the newest run of the prefix.
     """
     folder = Path(parent)
     if checkpoint == "last":
@@ -94,6 +97,15 @@ def run_folder(
         found = [path.parent for path in records if _values(path).get("identity") == identity]
         if found:
             return found[-1].name if mode == "sweep" else str(found[-1])
+        damaged = [path for path in records if not _values(path)]
+        if mode == "run" and damaged:
+            file = damaged[-1]
+            raise ConfigError(
+                f"ckpt_path=last: {file} is damaged, and no other run {prefix}-* in {folder} has"
+                " these settings",
+                "to go on from its weights in a new folder:"
+                f" ckpt_path={file.parent / 'checkpoints' / 'last.ckpt'}",
+            )
         if mode == "run":
             raise ConfigError(
                 f"ckpt_path=last: no run {prefix}-* with these settings in {folder}"

@@ -65,6 +65,12 @@ def run(cfg: DictConfig) -> RunResult:
         if earlier.get("status") == "ok" and epochs == cfg.training.epochs:
             logger.info("%s had finished; nothing to do", folder)
             return RunResult(folder, earlier, earlier.get("objective"))
+        done = (earlier.get("fit") or {}).get("ended") or 0
+        if earlier.get("status") == "ok" and 0 <= cfg.training.epochs < done:
+            raise ConfigError(
+                f"training.epochs={cfg.training.epochs}: {folder} has {done} epochs already",
+                "ask for as many or for more, or leave ckpt_path out for a new run",
+            )
     first_process = int(os.environ.get("LOCAL_RANK", 0)) == 0
     lock = FileLock(str(folder / ".lock"))
     if first_process:

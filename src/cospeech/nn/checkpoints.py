@@ -100,6 +100,7 @@ class WholeCheckpoints(CheckpointIO):
                     content.get("global_step"),
                 )
             self._whole.add(candidate)
+            _follow(content, path.parent)
             return content
         if len(faults) == 1:
             raise faults[0]
@@ -118,6 +119,32 @@ def previous_of(path: Path) -> Path:
 
 def _one_name(path: str | Path) -> Path:
     return Path(path).parent.resolve() / Path(path).name
+
+
+def _follow(content: dict[str, Any], folder: Path) -> None:
+    """Have a moved checkpoint name the best one beside it.
+
+    Lightning keeps absolute paths, and forgets the best score where they are of another folder.
+    """
+    states = content.get("callbacks")
+    for state in states.values() if isinstance(states, dict) else ():
+        before = state.get("dirpath") if isinstance(state, dict) else None
+        if not isinstance(before, str) or before == str(folder):
+            continue
+
+        def moved(path: Any, before: str = before) -> Any:
+            inside = isinstance(path, str) and Path(path).parent == Path(before)
+            return str(folder / Path(path).name) if inside else path
+
+        best = moved(state.get("best_model_path"))
+        if not isinstance(best, str) or (best and not Path(best).is_file()):
+            continue
+        for key in ("best_model_path", "kth_best_model_path", "last_model_path"):
+            state[key] = moved(state.get(key, ""))
+        scores = state.get("best_k_models")
+        if isinstance(scores, dict):
+            state["best_k_models"] = {moved(path): score for path, score in scores.items()}
+        state["dirpath"] = str(folder)
 
 
 def _of_the_system(error: BaseException) -> OSError | None:
