@@ -153,8 +153,7 @@ def read_take(
     audio_s = len(waveform) / SAMPLE_RATE
     remarks += _length_remarks(take.motion, motion, audio_s)
     words = None
-    read_words = functools.partial(_words, take, audio_s=audio_s, remarks=remarks)
-    spoken = _first_usable(take.transcripts, "a transcript", read_words, remarks)
+    spoken = _spoken(take, take.transcripts, "a transcript", audio_s, remarks)
     if spoken is not None:
         words, annotations["word_timing"] = spoken
     shared_s = min(audio_s, motion.duration)
@@ -195,14 +194,21 @@ def _first_usable(
     paths: Iterable[Path], what: str, read: Callable[[Path], T], remarks: list[Remark]
 ) -> T | None:
     """What the first side file holds that can be used; the others are remarked on."""
+    refused: list[tuple[Path, CospeechError]] = []
+    found: T | None = None
     for path in paths:
         try:
             with understood(path, what):
-                return read(path)
+                found = read(path)
+                break
         except CospeechError as error:
-            text = f"not used as {what}: {error.problem}"
-            remarks.append(Remark(f"without {what}", text, error.hint or "", path))
-    return None
+            refused.append((path, error))
+    kind = f"without {what}" if found is None else f"{what} that can't be used; another is"
+    remarks += [
+        Remark(kind, f"not used as {what}: {error.problem}", error.hint or "", path)
+        for path, error in refused
+    ]
+    return found
 
 
 def _motion(
@@ -267,15 +273,36 @@ def _beyond_the_end(take: Take, path: Path, start_s: float, length_s: float) -> 
     )
 
 
+def _spoken(
+    take: Take, paths: Iterable[Path], what: str, audio_s: float, remarks: list[Remark]
+) -> tuple[tuple[Word, ...], str] | None:
+    """What the first usable transcript says; that nobody speaks, where all there are are empty."""
+    blank = [path for path in paths if _is_blank(path)]
+    written = [path for path in paths if path not in blank]
+    if blank and not written:
+        text = f"{blank[0].name} is empty: nobody speaks in this take"
+        remarks.append(Remark("empty transcript", text, "take the file away if it is not so"))
+        return (), "words"
+    remarks += [
+        Remark("empty transcript beside another", f"{path}: is empty", "take it away", path)
+        for path in blank
+    ]
+    read_words = functools.partial(_words, take, audio_s=audio_s, remarks=remarks)
+    return _first_usable(written, what, read_words, remarks)
+
+
+def _is_blank(path: Path) -> bool:
+    try:
+        return path.stat().st_size < 1024 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf")
+    except OSError:
+        return False  # its reader says why
+
+
 def _words(
     take: Take, path: Path, *, audio_s: float, remarks: list[Remark]
 ) -> tuple[tuple[Word, ...], str]:
     """Words on the excerpt's clock, and how their times are known."""
     start = take.excerpt.audio_start
-    if path.stat().st_size < 64 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf"):
-        text = f"{path.name} is empty: nobody speaks in this take"
-        remarks.append(Remark("empty transcript", text, "take the file away if it is not so"))
-        return (), "words"
     is_excerpt = take.excerpt.duration is not None
     transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
     remarks += [
@@ -304,11 +331,8 @@ def _interlocutor(
             f" the take {shared_s:.2f} s; it was cut or filled with silence"
         )
         remarks.append(Remark("another length of the other speaker", text, LOOK_CLOSER))
-    read_words = functools.partial(
-        _words, take, audio_s=len(waveform) / SAMPLE_RATE, remarks=remarks
-    )
     what = "the other speaker's transcript"
-    spoken = _first_usable(voice.transcripts, what, read_words, remarks)
+    spoken = _spoken(take, voice.transcripts, what, len(waveform) / SAMPLE_RATE, remarks)
     words = None if spoken is None else spoken[0]
     waveform = np.pad(waveform[:samples], (0, max(0, samples - len(waveform))))
     return Speech(waveform, _words_until(words, shared_s))
