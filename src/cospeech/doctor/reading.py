@@ -243,10 +243,20 @@ def _lengths(take: Take, settings: Settings) -> Lengths | None:
             return None
         fps = settings.frame_rate or 1 / float(header[2])
         motion_s = int(header[1]) / fps - take.excerpt.motion_start
-        audio_s = audio_seconds(take.audio) - take.excerpt.audio_start
+        audio_s = _first_length(take.sounds) - take.excerpt.audio_start
     except (OSError, ArithmeticError, ValueError, CospeechError):
         return None  # the reader says what is wrong
     return Lengths(motion_s, audio_s, fps) if motion_s > 0 and audio_s > 0 else None
+
+
+def _first_length(sounds: Sequence[Path]) -> float:
+    """Seconds of the first sound file that can be read."""
+    for path in sounds[:-1]:
+        try:
+            return audio_seconds(path)
+        except CospeechError:
+            continue
+    return audio_seconds(sounds[-1])
 
 
 def _words_of_file(

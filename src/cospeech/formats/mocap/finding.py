@@ -14,7 +14,12 @@ from cospeech.corpus.source import existing_folder
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.foreign import linear_pattern
 from cospeech.formats.mocap.takes import Take
-from cospeech.speech.audio_streams import AUDIO_SUFFIXES, DIRECT_SUFFIXES, VIDEO_SUFFIXES
+from cospeech.speech.audio_streams import (
+    AUDIO_SUFFIXES,
+    DIRECT_SUFFIXES,
+    PACKED_SUFFIXES,
+    VIDEO_SUFFIXES,
+)
 
 TRANSCRIPT_SUFFIXES = (".textgrid", ".json", ".tsv", ".ctm", ".srt", ".vtt", ".txt")
 """In order of preference, when a take has several; the next is tried where one can't be used."""
@@ -102,6 +107,7 @@ def find_takes(
                 phases=first.get("phases"),
                 other_transcripts=tuple(kinds.get("transcript", ())[1:]),
                 other_phases=tuple(kinds.get("phases", ())[1:]),
+                other_sounds=tuple(kinds.get("audio", ())[1:]),
                 no_audio=no_audio,
             )
         )
@@ -162,7 +168,8 @@ def _files_by_key(root: Path, transcripts: Sequence[str]) -> dict[_Key, _Kinds]:
 
 def _suffix(path: Path) -> str:
     name = path.name.lower()
-    return next((suffix for suffix in PHASE_SUFFIXES if name.endswith(suffix)), path.suffix.lower())
+    several = (*PHASE_SUFFIXES, *PACKED_SUFFIXES)
+    return next((suffix for suffix in several if name.endswith(suffix)), path.suffix.lower())
 
 
 def _join_lone_stems(found: dict[_Key, _Kinds]) -> None:
