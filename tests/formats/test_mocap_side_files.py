@@ -45,6 +45,9 @@ def test_where_the_preferred_transcript_can_not_be_used_the_next_is(tmp_path):
     recording = read_take(take)
     assert words_of(recording.speech) == [("hello", 0.2, 0.6)]
     assert [remark.path.name for remark in recording.remarks] == ["t.TextGrid", "t.json"]
+    assert {remark.kind for remark in recording.remarks} == {
+        "a transcript that can't be used; another is"
+    }
 
 
 @pytest.mark.parametrize("kind", [ZeroDivisionError, MemoryError, RecursionError, KeyError])
@@ -73,6 +76,21 @@ def test_annotations_without_phases_cost_the_phases_and_a_tier_and_labels_mend_i
     (mended,) = source.read()
     assert mended.remarks == ()
     assert [PHASES[mended.phases[frame]] for frame in (0, 29, 30)] == ["stroke", "stroke", "none"]
+
+
+def test_phases_far_beyond_the_motion_are_not_used(tmp_path):
+    put_take(tmp_path, seconds=4.0)
+    path = tmp_path / "t.phases.csv"
+    path.write_text("0,1000,preparation\n1000,3500,stroke\n")
+    recording = read_take(*find_takes(tmp_path))
+    assert recording.phases is None
+    (remark,) = recording.remarks
+    assert remark.path == path
+    assert "milliseconds" in remark.text
+    path.write_text("0,1,preparation\n1,20,stroke\n")
+    assert read_take(*find_takes(tmp_path)).phases is None
+    path.write_text("0,1,preparation\n1,4.5,stroke\n")
+    assert read_take(*find_takes(tmp_path)).phases is not None
 
 
 def test_what_the_other_speaker_lacks_is_not_the_takes_loss(tmp_path):

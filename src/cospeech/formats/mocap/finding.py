@@ -130,15 +130,35 @@ def files_named(root: str | Path, pattern: str) -> list[Path]:
 
 
 def _walk(root: Path) -> list[tuple[Path, tuple[str, ...]]]:
-    """Files, none hidden, in a fixed order, each with its folders below the root."""
+    """Files, none hidden, in a fixed order, each with its folders below the root.
+
+    Links to folders elsewhere are followed, to each folder once; those to folders below the root
+    lead to nothing new.
+    """
     existing_folder(root)
     found: list[tuple[Path, tuple[str, ...]]] = []
+    real_root, seen = root.resolve(), set[Path]()
+
+    def leads_on(path: Path) -> bool:
+        if not path.is_symlink():
+            return True
+        real = Path(os.path.realpath(path))
+        if real_root.is_relative_to(real):
+            _log.warning("%s leads back to %s and is not followed", path, real)
+            return False
+        return not real.is_relative_to(real_root)
 
     def unreadable(error: OSError) -> None:
         _log.warning("%s can't be looked into (%s)", error.filename, error.strerror)
 
-    for folder, folders, names in os.walk(root, onerror=unreadable):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
+    for folder, folders, names in os.walk(root, onerror=unreadable, followlinks=True):
+        real = Path(os.path.realpath(folder))
+        if real in seen:
+            folders[:] = []
+            continue
+        seen.add(real)
+        named = (name for name in sorted(folders) if not name.startswith("."))
+        folders[:] = [name for name in named if leads_on(Path(folder, name))]
         parts = Path(folder).relative_to(root).parts
         found += [(Path(folder, name), parts) for name in sorted(names) if not name.startswith(".")]
         if len(found) > MAX_FILES:

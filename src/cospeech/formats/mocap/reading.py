@@ -21,7 +21,7 @@ from cospeech.formats.phase_files import read_phases
 from cospeech.motion.bvh import UpAxis, read_bvh, read_bvh_skeleton
 from cospeech.motion.joint_map import JointMap, find_joint_map
 from cospeech.motion.motion import Motion
-from cospeech.motion.phases import frame_phases
+from cospeech.motion.phases import PhaseSegment, frame_phases
 from cospeech.motion.upper_body import doubts_about, to_upper_body
 from cospeech.speech.audio import read_audio
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
@@ -160,7 +160,9 @@ def read_take(
     motion = motion.slice(0, max(1, round(shared_s * motion.fps)))
     doubts = doubts_about(to_upper_body(motion, joint_map))
     remarks += [Remark("a body that looks wrong", text, LOOK_CLOSER) for text in doubts]
-    read_segments = functools.partial(read_phases, tier=phase_tier, labels=phase_labels)
+    read_segments = functools.partial(
+        _phases, tier=phase_tier, labels=phase_labels, motion_s=whole_frames / motion.fps
+    )
     segments = _first_usable(take.phase_files, "gesture phases", read_segments, remarks)
     phases = None
     if segments is not None:
@@ -209,6 +211,23 @@ def _first_usable(
         for path, error in refused
     ]
     return found
+
+
+def _phases(
+    path: Path, *, tier: str | None, labels: Mapping[str, str] | None, motion_s: float
+) -> list[PhaseSegment]:
+    """Gesture phases on the clock of a motion file that lasts so long."""
+    segments = read_phases(path, tier, labels)
+    end_s = max((segment.end_s for segment in segments), default=0.0)
+    if end_s - motion_s > max(TOLERATED_S, TOLERATED_SHARE * end_s):
+        is_milliseconds = 0.5 * motion_s < end_s / 1000 < motion_s + TOLERATED_S
+        raise InputFileError(
+            path,
+            f"its last phase ends at {end_s:.2f} s, but the motion lasts {motion_s:.2f} s"
+            + (": the times look like milliseconds" if is_milliseconds else ""),
+            hint="divide them by 1000" if is_milliseconds else "is it of another take?",
+        )
+    return segments
 
 
 def _motion(
