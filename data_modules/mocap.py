@@ -71,6 +71,11 @@ class MocapCorpus(StoreDataModule):
         if self.up_axis not in UP_AXES:
             raise ConfigError(f"data.up_axis={self.up_axis}: choose one of {', '.join(UP_AXES)}")
         given = self.phase_labels or {}
+        if not isinstance(given, Mapping):
+            raise ConfigError(
+                f"data.phase_labels={given}: what each label means, or null",
+                "for example 'data.phase_labels={go: stroke}'",
+            )
         self.phase_labels = {str(text): label for text, label in given.items()}
         phase_meanings(self.phase_labels)
 

@@ -158,6 +158,7 @@ def test_settings_that_change_a_recording_change_the_store(tmp_path):
         ("unit_scale=cm", r"data\.unit_scale=cm"),
         ("unit_scale=nan", r"data\.unit_scale=nan"),
         ("up_axis=x", r"data\.up_axis=x: choose one of y, z"),
+        ("phase_labels=stroke", r"data\.phase_labels=stroke: what each label means"),
         ("up_axis=null", r"data\.up_axis=None: choose one of y, z"),
     ],
 )

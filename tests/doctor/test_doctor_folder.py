@@ -143,6 +143,19 @@ def test_a_wrong_frame_rate(folder, takes):
     assert "60 fps read at 50" in finding.problem or "ratio of 1.2000" in finding.problem
 
 
+@pytest.mark.parametrize("said", [50, 999_999_999])
+def test_frames_that_are_not_there_are_what_the_reader_calls_them(folder, takes, said):
+    path = folder / f"{takes[1].id}.bvh"
+    content = re.sub(r"Frames: *\d+", f"Frames: {said}", path.read_text())
+    replaced(path).write_text(content)
+    of_it = [finding for finding in check_path(folder).findings if finding.file == str(path)]
+    assert [finding.check for finding in of_it] == [Check.UNREADABLE]
+    assert "rows follow" in of_it[0].problem
+    settings = Settings(frame_rate=takes[1].motion.fps)
+    told = check_path(folder, settings=settings).findings
+    assert not [finding for finding in told if finding.file == str(path)]
+
+
 def test_a_clock_that_runs_fast(takes, tmp_path):
     """Each take alone is 0.08 s short, which is a tail; together they tell."""
     stretched = [replace(take, motion=replace(take.motion, fps=60 * 1.004)) for take in takes]

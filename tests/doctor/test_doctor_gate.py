@@ -118,6 +118,28 @@ def test_the_summary_counts_takes_by_finding_and_says_what_to_type(manifest):
     assert "'data.phase_labels={wobble: stroke}'" in text
 
 
+def test_the_summary_has_each_kind_s_different_advice():
+    manifest = {
+        "skipped": [],
+        "recordings": {"id": list("abcdefgh"), "has_words": [True] * 8},
+        "sources": 8,
+        "window_grid": None,
+        "dropped_windows": {},
+        "remarks": [["odd", "do this", 2], ["odd", "do that", 1], ["clear", "", 1]]
+        + [["many", f"advice {i}", 1] for i in range(7)],
+    }
+    lines = what_was_left_out(manifest).splitlines()
+    place = lines.index("2 takes: odd")
+    assert lines[place : place + 4] == [
+        "2 takes: odd",
+        "  -> do this",
+        "1 take: odd",
+        "  -> do that",
+    ]
+    assert lines.count("1 take: many") == 4
+    assert "3 more: many, each with advice of its own: see the log" in lines
+
+
 def test_the_labels_of_a_corpus_are_said_once_to_both(folder, tmp_path):
     data = module(folder, tmp_path, phase_labels={"Wobble!": "stroke"})
     (source,) = [source for source in data.sources if source.id == "good3"]

@@ -114,7 +114,7 @@ def test_reversed_and_unordered_words(takes):
 
 
 def test_an_empty_transcript(takes):
-    finding = the_error(examine(with_words(takes[0], ()), FILES), Check.WORD_TIMES)
+    finding = the_warning(examine(with_words(takes[0], ()), FILES), Check.WORD_TIMES)
     assert "somebody speaks" in finding.problem
 
 

@@ -46,6 +46,11 @@ def test_last_is_the_newest_of_the_same_settings(tmp_path):
     assert Path(found).name.endswith("20260103-000000-000000")
 
 
+def test_settings_named_by_numbers_and_by_words_have_an_identity():
+    labels = "data.phase_labels={go: stroke, 1: none}"
+    assert run_identity(config("data=mocap", "data.root=x", labels))
+
+
 def test_a_run_may_be_made_longer_but_not_otherwise(tmp_path):
     record(tmp_path, "20260101-000000-000000", config())
     longer = config("training.epochs=200")

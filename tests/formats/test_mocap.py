@@ -102,6 +102,20 @@ def test_equal_stems_of_two_speakers_stay_apart(tmp_path):
         assert take.audio == tmp_path / take.speaker / "Audio" / "001.wav"
 
 
+def test_links_to_folders_elsewhere_are_followed_and_never_in_circles(tmp_path):
+    root, elsewhere = tmp_path / "root", tmp_path / "elsewhere"
+    put_motion(elsewhere / "deep" / "take.bvh")
+    put_audio(elsewhere / "deep" / "take.wav")
+    (elsewhere / "again").symlink_to(elsewhere)
+    put_motion(root / "own" / "other.bvh")
+    put_audio(root / "own" / "other.wav")
+    (root / "anna").symlink_to(elsewhere)
+    (root / "twice").symlink_to(elsewhere / "deep")
+    (root / "copy").symlink_to(root / "own")
+    (root / "own" / "up").symlink_to(tmp_path)
+    assert [take.id for take in find_takes(root)] == ["other", "take"]
+
+
 def test_ids_are_plain(tmp_path):
     put(tmp_path / "täke (1).bvh")
     put(tmp_path / "täke (1).wav")

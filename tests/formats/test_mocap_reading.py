@@ -126,6 +126,17 @@ def test_an_empty_transcript_means_that_nobody_speaks(tmp_path, text):
     assert recording.annotations["warnings"] == ["t.tsv is empty: nobody speaks in this take"]
 
 
+def test_an_empty_transcript_does_not_hide_another(tmp_path):
+    put_take(tmp_path, words="0.2\t0.6\thello\n")
+    put_text(tmp_path / "t.TextGrid", "\n" * 500)
+    recording = read_take(*find_takes(tmp_path))
+    assert words_of(recording.speech) == [("hello", 0.2, 0.6)]
+    assert [remark.path.name for remark in recording.remarks] == ["t.TextGrid"]
+    put_text(tmp_path / "t.tsv", "no times\n")
+    recording = read_take(*find_takes(tmp_path))
+    assert recording.speech.words is None
+
+
 def test_phases_beside_the_motion_become_frame_labels(tmp_path):
     put_take(tmp_path, seconds=4.0, fps=10.0)
     put_text(tmp_path / "t.phases.csv", "start,end,label\n0.5,1.0,preparation\n1.0,2.0,stroke\n")

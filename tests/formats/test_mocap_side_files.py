@@ -3,6 +3,7 @@ is never taken for no sound."""
 
 import numpy as np
 import pytest
+import soundfile
 
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.formats.mocap import Take, Voice, find_takes, read_take, take_sources
@@ -44,6 +45,9 @@ def test_where_the_preferred_transcript_can_not_be_used_the_next_is(tmp_path):
     recording = read_take(take)
     assert words_of(recording.speech) == [("hello", 0.2, 0.6)]
     assert [remark.path.name for remark in recording.remarks] == ["t.TextGrid", "t.json"]
+    assert {remark.kind for remark in recording.remarks} == {
+        "a transcript that can't be used; another is"
+    }
 
 
 @pytest.mark.parametrize("kind", [ZeroDivisionError, MemoryError, RecursionError, KeyError])
@@ -72,6 +76,21 @@ def test_annotations_without_phases_cost_the_phases_and_a_tier_and_labels_mend_i
     (mended,) = source.read()
     assert mended.remarks == ()
     assert [PHASES[mended.phases[frame]] for frame in (0, 29, 30)] == ["stroke", "stroke", "none"]
+
+
+def test_phases_far_beyond_the_motion_are_not_used(tmp_path):
+    put_take(tmp_path, seconds=4.0)
+    path = tmp_path / "t.phases.csv"
+    path.write_text("0,1000,preparation\n1000,3500,stroke\n")
+    recording = read_take(*find_takes(tmp_path))
+    assert recording.phases is None
+    (remark,) = recording.remarks
+    assert remark.path == path
+    assert "milliseconds" in remark.text
+    path.write_text("0,1,preparation\n1,20,stroke\n")
+    assert read_take(*find_takes(tmp_path)).phases is None
+    path.write_text("0,1,preparation\n1,4.5,stroke\n")
+    assert read_take(*find_takes(tmp_path)).phases is not None
 
 
 def test_what_the_other_speaker_lacks_is_not_the_takes_loss(tmp_path):
@@ -134,6 +153,34 @@ def test_channels_that_cancel_out_are_remarked_on(tmp_path):
     recording = read_take(*find_takes(tmp_path))
     assert np.abs(recording.speech.waveform).max() > 0.1
     assert [remark.kind for remark in recording.remarks] == ["odd audio file"]
+
+
+def test_where_the_preferred_sound_can_not_be_read_the_next_is(tmp_path):
+    from tests.fabricated.mocap import bursts
+
+    put_take(tmp_path)
+    (tmp_path / "t.wav").write_bytes(b"no sound")
+    (take,) = find_takes(tmp_path)
+    with pytest.raises(InputFileError, match=r"t\.wav: can't be read"):
+        read_take(take)
+    soundfile.write(tmp_path / "t.flac", bursts("t", 4.0), 16000)
+    (take,) = find_takes(tmp_path)
+    assert take.audio.name == "t.wav"
+    recording = read_take(take)
+    assert np.abs(recording.speech.waveform).max() > 0.1
+    assert [remark.path.name for remark in recording.remarks] == ["t.wav"]
+
+
+@pytest.mark.parametrize(
+    "name", ["t.mp2", "t.wv", "t.m4b", "t.ts", "t.mxf", "t.ape", "t.mpga", "t.raw", "t.wav.gz"]
+)
+def test_whatever_may_hold_sound_is_not_taken_for_silence(tmp_path, name):
+    put_take(tmp_path, audio=False)
+    (tmp_path / name).write_bytes(b"?")
+    (take,) = find_takes(tmp_path, missing_audio="auto")
+    with pytest.raises(InputFileError, match=name.replace(".", r"\.")) as caught:
+        read_take(take)
+    assert caught.value.hint
 
 
 def test_links_to_nothing_cost_their_take(tmp_path):

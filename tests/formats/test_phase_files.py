@@ -6,6 +6,7 @@ import shlex
 import time
 
 import pytest
+import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -285,6 +286,21 @@ def test_an_unknown_label_names_the_known_ones_and_a_mapping_mends_it(tmp_path):
         read_phases(path, labels={"P": "wobbling"})
 
 
+@pytest.mark.parametrize("text", ["?", "--", "!", "¿?"])
+def test_a_label_of_marks_alone_can_be_given_a_meaning(tmp_path, text):
+    path = write(tmp_path, "t.csv", f"0,1,{text}\n1,2,stroke\n")
+    with pytest.raises(InputFileError, match="is not a gesture phase") as caught:
+        read_phases(path)
+    (given,) = typed(caught.value, "phase_labels") or [
+        yaml.safe_load(caught.value.hint.split("phase_labels: ")[1].split(" in ")[0])
+    ]
+    assert given == {text: "stroke"}
+    assert read_phases(path, labels=given) == [
+        PhaseSegment(0.0, 1.0, "stroke"),
+        PhaseSegment(1.0, 2.0, "stroke"),
+    ]
+
+
 def test_a_users_meaning_goes_before_the_known_one(tmp_path):
     path = write(tmp_path, "t.csv", "0,1,rest\n")
     assert read_phases(path, labels={"Rest": "none"}) == [PhaseSegment(0.0, 1.0, "none")]
@@ -335,10 +351,29 @@ def test_time_of_one_hand_alone_keeps_its_label():
         ("A_phase_left", "B_phase_right", False),
         ("phase_left", "phase_left", False),
         ("left", "phase", False),
+        ("linke Hand", "rechte Hand", True),
+        ("main gauche", "main droite", True),
+        ("RH phase", "BH phase", True),
     ],
 )
 def test_tiers_that_differ_by_left_and_right_alone_are_hands(first, second, hands):
     assert are_hands([first, second]) is hands
+
+
+@pytest.mark.parametrize("names", [("left", "right", "both"), ("LH", "RH", ""), ("L", "R", "BH")])
+def test_a_column_of_hands_is_a_tier_per_hand(tmp_path, names):
+    left, right, both = names
+    path = write(
+        tmp_path,
+        "t.phases.csv",
+        f"start,end,label,hand\n0,2,retract,{left}\n0,1,stroke,{right}\n3,4,hold,{both}\n",
+    )
+    labels = frame_phases(read_phases(path), 4, 1.0)
+    assert [PHASES[label] for label in labels] == ["stroke", "retract", "none", "hold"]
+    (alone,) = read_phases(path, "left")
+    assert alone == PhaseSegment(0.0, 2.0, "retract")
+    path.write_text("start,end,label,hand\n0,2,stroke,open\n2,3,hold,fist\n")
+    assert len(read_phases(path)) == 2
 
 
 def test_the_origin_of_the_clock_of_the_media_file_is_added(tmp_path):

@@ -69,9 +69,7 @@ def harmless(name):
 @pytest.mark.parametrize("kind", PAGES)
 @pytest.mark.parametrize("name", TOGETHER, ids=range(len(TOGETHER)))
 def test_no_element_attribute_or_script_comes_from_data(kind, name, tmp_path, caplog):
-    caplog.set_level(
-        logging.ERROR, "cospeech.corpus"
-    )  # pytest-xdist knows no half letters
+    caplog.set_level(logging.ERROR, "cospeech.corpus")  # pytest-xdist knows no half letters
     folders = tmp_path / "hostile", tmp_path / "harmless"
     pages = []
     for folder, given in zip(folders, (name, harmless(name)), strict=True):

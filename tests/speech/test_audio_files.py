@@ -94,9 +94,12 @@ def test_empty_files(tmp_path):
 def test_containers_come_with_the_command_that_converts_them(tmp_path, monkeypatch, name, content):
     monkeypatch.setattr("cospeech.speech.audio_streams.find_ffmpeg", lambda: None)
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputFileError, match=r"ffmpeg -i .* -ac 1 -ar 16000 .*wav") as caught:
+    with pytest.raises(
+        InputFileError, match=r"ffmpeg -i .* -ac 1 -ar 16000 .*talk\.(wav|flac)'?$"
+    ) as caught:
         load_audio(tmp_path / name)
     assert "not read directly" in str(caught.value)
+    assert str(caught.value.hint).count(name) == 1  # ffmpeg can't write what it reads
     assert ("'" in str(caught.value.hint)) == (" " in name)  # quoted where the shell needs it
 
 

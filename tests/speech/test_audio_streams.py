@@ -56,6 +56,18 @@ def test_a_wav_stream_of_unknown_length_is_read_to_its_end(tmp_path, size, chann
     assert audio_seconds(path) == 1.0
 
 
+def test_a_long_wav_stream_of_unknown_length_is_read_to_its_end(tmp_path):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, tone(), 16000, subtype="PCM_16", format="RF64")
+    whole = load_audio(path)
+    content = bytearray(path.read_bytes())
+    place = content.index(b"ds64") + 8
+    for size in (0, 2**64 - 1):
+        content[place : place + 24] = struct.pack("<Q", size) * 3
+        path.write_bytes(content)
+        np.testing.assert_array_equal(load_audio(path), whole)
+
+
 # Containers ---------------------------------------------------------------------------------------
 
 
@@ -72,6 +84,21 @@ def test_containers_are_decoded_by_ffmpeg(tmp_path, name):
     assert spectrum.argmax() == 440  # Hz
     assert float(np.sqrt((waveform[8000:24000] ** 2).mean())) == pytest.approx(0.354, abs=0.03)
     assert audio_seconds(path) == pytest.approx(len(waveform) / 16000)
+
+
+@ffmpeg
+@pytest.mark.parametrize("kind", ["adts", "mp2", "ac3", "wv", "mpegts"])
+def test_sound_under_a_wrong_name_is_decoded(tmp_path, kind):
+    soundfile.write(tmp_path / "source.wav", tone(2.0), 48000)
+    for name in ("a.wav", "a.mp3"):
+        path = converted(tmp_path / "source.wav", tmp_path / name, "-f", kind)
+        assert len(load_audio(path)) == pytest.approx(32000 / 3, abs=2000)
+
+
+def test_the_next_decoder_is_taken_where_the_named_one_is_absent(tmp_path, monkeypatch):
+    expected = audio_streams.find_ffmpeg()
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nope"))
+    assert audio_streams.find_ffmpeg() == expected
 
 
 @ffmpeg

@@ -141,7 +141,7 @@ def _examine_speech(recording: Recording, files: Files) -> tuple[list[Finding], 
     ends: list[Finding] = []
     if speech.words is not None:
         ends = check_words_end(speech.words, speech.duration, files)
-        words = check_word_rate(speech, files, recording.interlocutor is not None)
+        words = check_word_rate(speech, files)
     else:
         words = []
     is_timed = recording.annotations.get("word_timing") != SPREAD_TIMING

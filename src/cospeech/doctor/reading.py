@@ -21,19 +21,12 @@ from cospeech.doctor.lengths import Lengths, check_lengths
 from cospeech.doctor.words import check_words_end
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap import Take, read_take
-from cospeech.motion.bvh import UpAxis
+from cospeech.motion.bvh import UpAxis, read_bvh_timing
 from cospeech.motion.joint_map import JointMap
 from cospeech.speech.audio import audio_seconds
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.transcript import read_transcript_with_timing
 
-HEADER_BYTES = 2**22
-"""Where the header of a BVH file must end."""
-
-_HEADER = re.compile(
-    rb"^\s*MOTION\s+Frames\s*:?\s*(\d{1,11})\s+Frame\s+Time\s*:?\s*([0-9.eE+-]{1,30})",
-    re.IGNORECASE | re.MULTILINE,
-)
 _TIME = re.compile(r"\bat ([0-9.]+) s\b")
 _FRAME = re.compile(r"\bframe (\d+)\b")
 
@@ -230,23 +223,29 @@ def _missing(take: Take) -> list[Finding]:
 
 
 def _lengths(take: Take, settings: Settings) -> Lengths | None:
-    """Lengths by the files' headers, from where the take starts in each; None where unknown.
+    """Lengths of the files, from where the take starts in each; None where unknown.
 
     A take that ends before its files is cut on purpose.
     """
     if take.motion is None or take.audio is None or take.excerpt.duration is not None:
         return None
     try:
-        with take.motion.open("rb") as file:
-            header = _HEADER.search(file.read(HEADER_BYTES))
-        if header is None:
-            return None
-        fps = settings.frame_rate or 1 / float(header[2])
-        motion_s = int(header[1]) / fps - take.excerpt.motion_start
-        audio_s = audio_seconds(take.audio) - take.excerpt.audio_start
-    except (OSError, ArithmeticError, ValueError, CospeechError):
+        frames, fps = read_bvh_timing(take.motion, settings.frame_rate)
+        motion_s = frames / fps - take.excerpt.motion_start
+        audio_s = _first_length(take.sounds) - take.excerpt.audio_start
+    except CospeechError:
         return None  # the reader says what is wrong
     return Lengths(motion_s, audio_s, fps) if motion_s > 0 and audio_s > 0 else None
+
+
+def _first_length(sounds: Sequence[Path]) -> float:
+    """Seconds of the first sound file that can be read."""
+    for path in sounds[:-1]:
+        try:
+            return audio_seconds(path)
+        except CospeechError:
+            continue
+    return audio_seconds(sounds[-1])
 
 
 def _words_of_file(

@@ -93,18 +93,17 @@ def _severity(over_s: float, words: int) -> Severity:
     return Severity.WARNING if words > 1 else Severity.NOTE
 
 
-def check_word_rate(speech: Speech, files: Files, is_dialogue: bool) -> list[Finding]:
+def check_word_rate(speech: Speech, files: Files) -> list[Finding]:
     """Words that are missing, out of order, too many, or too long.
 
     Args:
         speech: Words and, where there is any, audio.
         files: What to call them.
-        is_dialogue: Whether the recording is one side of a dialogue, who may well say nothing.
     """
     if speech.words is None:
         return []
     if not speech.words:
-        return _no_words(speech, files, is_dialogue)
+        return _no_words(speech, files)
     times = word_intervals(speech.words)
     findings = []
     backward = np.flatnonzero(times[:, 1] < times[:, 0])
@@ -155,7 +154,7 @@ def check_word_rate(speech: Speech, files: Files, is_dialogue: bool) -> list[Fin
     return findings
 
 
-def _no_words(speech: Speech, files: Files, is_dialogue: bool) -> list[Finding]:
+def _no_words(speech: Speech, files: Files) -> list[Finding]:
     level = level_db(speech.waveform)
     speaks = len(level) >= LEVEL_HZ and np.percentile(level, 95) > max(
         SILENT_DB, np.percentile(level, 5) + SPEAKING_RANGE_DB
@@ -163,7 +162,7 @@ def _no_words(speech: Speech, files: Files, is_dialogue: bool) -> list[Finding]:
     return [
         Finding(
             Check.WORD_TIMES,
-            Severity.ERROR if speaks and not is_dialogue else Severity.WARNING,
+            Severity.WARNING,
             files.words,
             None,
             "the transcript is empty" + (", but somebody speaks" if speaks else ""),

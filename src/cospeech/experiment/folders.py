@@ -46,8 +46,15 @@ def run_identity(cfg: DictConfig) -> str:
     assert isinstance(values, dict)
     for part, _, name in (key.partition(".") for key in _DECIDES_NOT):
         (values[part] or {}).pop(name, None)
-    text = json.dumps(values, sort_keys=True, default=str)
+    text = json.dumps(_with_names(values), sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _with_names(value: Any) -> Any:
+    """A tree whose keys are all text: yaml's numbers and words can't be sorted together."""
+    if isinstance(value, dict):
+        return {str(key): _with_names(item) for key, item in value.items()}
+    return [_with_names(item) for item in value] if isinstance(value, list) else value
 
 
 def changed_settings(cfg: DictConfig, record: Path) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,9 @@ from cospeech.reporting.tables import result_table
 
 FAULTS_SHOWN = 20
 """Sources that could not be read, named on the terminal."""
+
+ADVICE_SHOWN = 4
+"""Different pieces of advice about one kind of remark that are printed."""
 
 
 def prepare(cfg: DictConfig) -> Store:
@@ -75,18 +78,20 @@ def what_was_left_out(manifest: dict[str, Any]) -> str:
 
 def _remarks(manifest: dict[str, Any]) -> list[str]:
     """What is odd about recordings that are kept, counted, and what to do about it."""
-    counts, advice = Counter[str](), dict[str, str]()
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
     has_words = manifest["recordings"]["has_words"]
     if any(has_words) and not all(has_words):
-        counts["no transcript"] = has_words.count(False)
-        advice["no transcript"] = "a transcript lies beside the audio, under the same name"
-    for kind, what_to_do, count in manifest.get("remarks", []):
-        counts[kind] += count
-        advice[kind] = advice.get(kind) or what_to_do
+        advice = "a transcript lies beside the audio, under the same name"
+        counts["no transcript"][advice] = has_words.count(False)
+    for kind, advice, count in manifest.get("remarks", []):
+        counts[kind][advice] += count
     lines = []
-    for kind, count in counts.most_common():
-        lines.append(f"{_takes(count)}: {kind}")
-        lines += [f"  -> {advice[kind]}"] if advice.get(kind) else []
+    for kind, by_advice in sorted(counts.items(), key=lambda item: -item[1].total()):
+        for advice, count in by_advice.most_common(ADVICE_SHOWN):
+            lines.append(f"{_takes(count)}: {kind}")
+            lines += [f"  -> {advice}"] if advice else []
+        if more := by_advice.total() - sum(dict(by_advice.most_common(ADVICE_SHOWN)).values()):
+            lines.append(f"{more} more: {kind}, each with advice of its own: see the log")
     return lines
 
 

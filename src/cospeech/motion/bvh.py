@@ -32,7 +32,14 @@ from cospeech.motion.kinematics import (
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 
-__all__ = ["UP_AXES", "UpAxis", "read_bvh", "read_bvh_skeleton", "write_bvh"]
+__all__ = [
+    "UP_AXES",
+    "UpAxis",
+    "read_bvh",
+    "read_bvh_skeleton",
+    "read_bvh_timing",
+    "write_bvh",
+]
 
 UpAxis = Literal["y", "z"]
 UP_AXES: tuple[UpAxis, ...] = ("y", "z")
@@ -136,6 +143,29 @@ def read_bvh(
     if turn is not None:
         skeleton = turn.turned_skeleton()
     return Motion(skeleton, frame_rate, positions, rotations)
+
+
+def read_bvh_timing(
+    source: str | Path | TextIO, frame_rate: float | None = None
+) -> tuple[int, float]:
+    """How many frames a BVH file has, and frames per second: as `read_bvh` has them.
+
+    Args:
+        source: Path, or an open text file.
+        frame_rate: As for `read_bvh`.
+
+    Raises:
+        InputFileError: The file is absent, no BVH, without rows, or its header contradicts them.
+    """
+    with opened(source) as text:
+        start = _motion_start(text.head, text.path)
+        hierarchy = parse_hierarchy(decoded(text.head[:start]), text.path, 1.0)
+        count, frame_time, rows_at = _motion_header(text.head, start, text.path)
+        rows = Rows(text, rows_at, hierarchy, MAX_JOINT_FRAMES // len(hierarchy.skeleton))
+        _refuse_empty_and_swollen(rows, hierarchy, text.path)
+        if frame_rate is None:
+            frame_rate, _ = checked_rate(count, frame_time, rows.count, text.path)
+        return rows.count, frame_rate
 
 
 def read_bvh_skeleton(source: str | Path | TextIO, *, unit_scale: float = 0.01) -> Skeleton:

@@ -180,11 +180,14 @@ class Rows:
             for column, word in enumerate(words[:columns]):
                 if not _is_number(word):
                     joint = self._hierarchy.joint_of_column(column)
+                    hint = "repair or cut out these frames: motion with gaps can't be used"
+                    if re.fullmatch(rb"[-+]?[0-9]+,[0-9]+", word):
+                        hint = "write points in the place of decimal commas, or export it again so"
                     return InputFileError(
                         path,
                         f"{decoded(word[:40])!r} in column {column + 1} is not a finite number",
                         place=f"line {number}, frame {frame}, joint {joint}",
-                        hint="repair or cut out these frames: motion with gaps can't be used",
+                        hint=hint,
                     )
             if words and len(words) != columns:
                 return InputFileError(

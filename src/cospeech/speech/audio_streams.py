@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import shlex
 import shutil
 import struct
@@ -11,7 +12,7 @@ import subprocess
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -28,13 +29,20 @@ READABLE = "wav, flac, ogg or mp3"
 DIRECT_SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")
 VIDEO_SUFFIXES = (
     ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".wmv", ".flv", ".mpg", ".mpeg", ".mts",
-    ".3gp",
+    ".3gp", ".3g2", ".ts", ".m2ts", ".mxf", ".ogv", ".ogm", ".vob", ".qt", ".asf", ".f4v", ".dv",
+    ".rm", ".rmvb",
 )  # fmt: skip
+RAW_SUFFIXES = (".raw", ".pcm")
+PACKED_SUFFIXES = tuple(
+    f"{suffix}.{packing}" for suffix in DIRECT_SUFFIXES for packing in ("gz", "xz", "bz2", "zip")
+)
 AUDIO_SUFFIXES = (
     *DIRECT_SUFFIXES,
     ".opus", ".oga", ".aiff", ".aif", ".aifc", ".au", ".snd", ".caf", ".w64",
-    ".m4a", ".aac", ".wma", ".mka", ".amr", ".ac3",
-    *VIDEO_SUFFIXES,
+    ".m4a", ".m4b", ".m4r", ".aac", ".adts", ".wma", ".mka", ".amr", ".3ga", ".ac3", ".eac3",
+    ".dts", ".mp2", ".mpa", ".mpga", ".mp1", ".spx", ".weba", ".wv", ".tta", ".ape", ".tak", ".mpc",
+    ".alac", ".dsf", ".gsm", ".voc", ".sph", ".nist", ".rf64", ".bwf", ".wave", ".ra",
+    *VIDEO_SUFFIXES, *RAW_SUFFIXES, *PACKED_SUFFIXES,
 )  # fmt: skip
 """What may hold sound, the preferred first; those that libsndfile can't open need ffmpeg."""
 
@@ -52,7 +60,7 @@ _BLOCK_VALUES = 1 << 20  # frames times channels per read: a hostile header can'
 # No playlist or script, which could name other files.
 _DEMUXERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,aac,asf,avi,flv,mpeg,mpegts,amr,ac3,eac3,caf,aiff,au,w64"
-    ",ogg,wav,flac,mp3"
+    ",ogg,wav,flac,mp3,wv,tta,ape,tak,mpc,mpc8,mxf,dts,dsf,gsm,voc,nistsphere,dv,rm"
 )
 
 
@@ -77,22 +85,25 @@ class SoundStream:
 def open_sound(path: Path) -> Iterator[SoundStream]:
     """The sound of a file.
 
-    Containers that libsndfile doesn't read (m4a, mp4, wma ...) are decoded by ffmpeg, where one is
-    installed.
+    What libsndfile doesn't read (m4a, mp4, wma, AAC that is called wav ...) is decoded by ffmpeg,
+    where one is installed.
 
     Raises:
         InputFileError: Neither reads it; the message has the command that converts it.
     """
     try:
-        file = _Forward(path)
-        if file.frames == 0 and (mended := _with_data_size(path)) is not None:
-            file.close()
-            file = _Forward(mended)
+        file = _opened(path)
     except (soundfile.SoundFileError, TypeError) as error:
         program = find_ffmpeg()
-        if program is None or not _is_container(path):
+        if program is None:
             raise _unknown_format(path, error) from error
-        with _decoded(path, program) as stream:
+        with ExitStack() as opened:
+            try:
+                stream = opened.enter_context(_decoded(path, program))
+            except InputFileError:
+                if _is_container(path):
+                    raise
+                raise _unknown_format(path, error) from error
             yield stream
         return
     with file:
@@ -101,13 +112,44 @@ def open_sound(path: Path) -> Iterator[SoundStream]:
 
 
 def find_ffmpeg() -> str | None:
-    """The ffmpeg of the extra ``video``, else the one on the path."""
+    """The ffmpeg that ``IMAGEIO_FFMPEG_EXE`` names, of the extra ``video``, or on the path."""
+    programs = [os.environ.get("IMAGEIO_FFMPEG_EXE", "")]
     try:
         import imageio_ffmpeg
 
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
-    except (ImportError, RuntimeError, OSError):
-        return shutil.which("ffmpeg")
+        bundled = Path(imageio_ffmpeg.__file__).parent / "binaries"
+        programs += map(str, sorted(bundled.glob("ffmpeg*")))
+    except ImportError:
+        pass
+    return next(filter(None, map(shutil.which, filter(None, [*programs, "ffmpeg"]))), None)
+
+
+def _opened(path: Path) -> _Forward:
+    """A file as libsndfile reads it.
+
+    Raises:
+        soundfile.SoundFileError, TypeError: It doesn't.
+    """
+    mended = _with_data_size(path)
+    try:
+        file = _Forward(path)
+        if file.format == "MP3" and not _starts_as_mp3(path) and find_ffmpeg() is not None:
+            file.close()
+            raise TypeError("not MP3 from its start")  # libsndfile finds some in any bytes
+        if file.frames or mended is None:
+            return file
+        file.close()
+    except soundfile.SoundFileError:
+        if mended is None:
+            raise
+    return _Forward(mended)
+
+
+def _starts_as_mp3(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(3)
+    is_layer = len(head) > 1 and head[0] == 0xFF and head[1] & 0xE0 == 0xE0 and head[1] & 0x06 != 0
+    return head == b"ID3" or is_layer
 
 
 class _Forward(soundfile.SoundFile):
@@ -137,32 +179,38 @@ def _blocks(path: Path, file: soundfile.SoundFile) -> Iterator[NDArray[np.float3
 
 
 def _with_data_size(path: Path) -> io.RawIOBase | None:
-    """A wav file whose header has no size of the samples, as one that goes on to its end."""
+    """A wav file whose header has no size of the samples, as one that goes on to its end.
+
+    RF64 is read as RIFF then: the sizes in its own chunk are as unknown.
+    """
     with path.open("rb") as file:
         head = file.read(1 << 16)
-    place = 12
-    while head[:4] == b"RIFF" and head[8:12] == b"WAVE" and place + 8 <= len(head):
+    place, is_long = 12, head[:4] == b"RF64"
+    is_wav = (is_long or head[:4] == b"RIFF") and head[8:12] == b"WAVE"
+    while is_wav and place + 8 <= len(head):
         name, size = struct.unpack_from("<4sI", head, place)
         if name == b"data":
-            empty = size == 0 and path.stat().st_size > place + 8
-            return _UntilTheEnd(path, place + 4) if empty else None
+            empty = (size == 0 or is_long) and path.stat().st_size > place + 8
+            return _Patched(path, {0: b"RIFF", place + 4: b"\xff" * 4}) if empty else None
         place += 8 + size + size % 2
     return None
 
 
-class _UntilTheEnd(io.FileIO):
-    """A file in which the four bytes of a size are 0xFFFFFFFF: until the end."""
+class _Patched(io.FileIO):
+    """A file some of whose bytes are others: a size of 0xFFFFFFFF is until the end."""
 
-    def __init__(self, path: Path, size_at: int) -> None:
+    def __init__(self, path: Path, patches: dict[int, bytes]) -> None:
         super().__init__(path)
-        self._size_at = size_at
+        self._patches = patches
 
     def readinto(self, buffer: Any, /) -> int:
         start = self.tell()
         count = super().readinto(buffer)
-        first, stop = max(start, self._size_at), min(start + count, self._size_at + 4)
-        if first < stop:
-            memoryview(buffer).cast("B")[first - start : stop - start] = b"\xff" * (stop - first)
+        for place, patch in self._patches.items():
+            first, stop = max(start, place), min(start + count, place + len(patch))
+            if first < stop:
+                part = patch[first - place : stop - place]
+                memoryview(buffer).cast("B")[first - start : stop - start] = part
         return count
 
 
@@ -244,11 +292,13 @@ def _is_container(path: Path) -> bool:
     return (
         head[4:8] == b"ftyp"  # MP4 family
         or head[:4] == b"\x1a\x45\xdf\xa3"  # Matroska and WebM
-        or path.suffix.lower() in set(AUDIO_SUFFIXES) - set(DIRECT_SUFFIXES)
+        or path.suffix.lower() in set(AUDIO_SUFFIXES) - {*DIRECT_SUFFIXES, *RAW_SUFFIXES}
     )
 
 
 def _unknown_format(path: Path, error: Exception) -> InputFileError:
+    if path.name.lower().endswith(PACKED_SUFFIXES):
+        return InputFileError(path, f"is packed ({path.suffix})", hint="unpack it in its folder")
     if not _is_container(path):
         reason = f"can't be read as audio ({str(error).rstrip('.')})"
         return InputFileError(path, reason, hint=_conversion(path))
@@ -261,6 +311,11 @@ def _unknown_format(path: Path, error: Exception) -> InputFileError:
 
 
 def _conversion(path: Path) -> str:
-    source, target = shlex.quote(str(path)), shlex.quote(str(path.with_suffix(".wav")))
-    command = f"ffmpeg -i {source} -ac 1 -ar {SAMPLE_RATE} {target}"
+    suffix = path.suffix.lower()
+    other = path.with_suffix(
+        ".flac" if suffix == ".wav" else ".wav"
+    )  # ffmpeg can't write its input
+    source, target = shlex.quote(str(path)), shlex.quote(str(other))
+    layout = "-f s16le -ar RATE -ac CHANNELS " if suffix in RAW_SUFFIXES else ""
+    command = f"ffmpeg {layout}-i {source} -ac 1 -ar {SAMPLE_RATE} {target}"
     return f"convert it to {READABLE}, e.g. {command}"

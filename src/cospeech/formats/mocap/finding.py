@@ -14,7 +14,12 @@ from cospeech.corpus.source import existing_folder
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.foreign import linear_pattern
 from cospeech.formats.mocap.takes import Take
-from cospeech.speech.audio_streams import AUDIO_SUFFIXES, DIRECT_SUFFIXES, VIDEO_SUFFIXES
+from cospeech.speech.audio_streams import (
+    AUDIO_SUFFIXES,
+    DIRECT_SUFFIXES,
+    PACKED_SUFFIXES,
+    VIDEO_SUFFIXES,
+)
 
 TRANSCRIPT_SUFFIXES = (".textgrid", ".json", ".tsv", ".ctm", ".srt", ".vtt", ".txt")
 """In order of preference, when a take has several; the next is tried where one can't be used."""
@@ -102,6 +107,7 @@ def find_takes(
                 phases=first.get("phases"),
                 other_transcripts=tuple(kinds.get("transcript", ())[1:]),
                 other_phases=tuple(kinds.get("phases", ())[1:]),
+                other_sounds=tuple(kinds.get("audio", ())[1:]),
                 no_audio=no_audio,
             )
         )
@@ -124,15 +130,35 @@ def files_named(root: str | Path, pattern: str) -> list[Path]:
 
 
 def _walk(root: Path) -> list[tuple[Path, tuple[str, ...]]]:
-    """Files, none hidden, in a fixed order, each with its folders below the root."""
+    """Files, none hidden, in a fixed order, each with its folders below the root.
+
+    Links to folders elsewhere are followed, to each folder once; those to folders below the root
+    lead to nothing new.
+    """
     existing_folder(root)
     found: list[tuple[Path, tuple[str, ...]]] = []
+    real_root, seen = root.resolve(), set[Path]()
+
+    def leads_on(path: Path) -> bool:
+        if not path.is_symlink():
+            return True
+        real = Path(os.path.realpath(path))
+        if real_root.is_relative_to(real):
+            _log.warning("%s leads back to %s and is not followed", path, real)
+            return False
+        return not real.is_relative_to(real_root)
 
     def unreadable(error: OSError) -> None:
         _log.warning("%s can't be looked into (%s)", error.filename, error.strerror)
 
-    for folder, folders, names in os.walk(root, onerror=unreadable):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
+    for folder, folders, names in os.walk(root, onerror=unreadable, followlinks=True):
+        real = Path(os.path.realpath(folder))
+        if real in seen:
+            folders[:] = []
+            continue
+        seen.add(real)
+        named = (name for name in sorted(folders) if not name.startswith("."))
+        folders[:] = [name for name in named if leads_on(Path(folder, name))]
         parts = Path(folder).relative_to(root).parts
         found += [(Path(folder, name), parts) for name in sorted(names) if not name.startswith(".")]
         if len(found) > MAX_FILES:
@@ -162,7 +188,8 @@ def _files_by_key(root: Path, transcripts: Sequence[str]) -> dict[_Key, _Kinds]:
 
 def _suffix(path: Path) -> str:
     name = path.name.lower()
-    return next((suffix for suffix in PHASE_SUFFIXES if name.endswith(suffix)), path.suffix.lower())
+    several = (*PHASE_SUFFIXES, *PACKED_SUFFIXES)
+    return next((suffix for suffix in several if name.endswith(suffix)), path.suffix.lower())
 
 
 def _join_lone_stems(found: dict[_Key, _Kinds]) -> None:

@@ -21,7 +21,7 @@ from cospeech.formats.phase_files import read_phases
 from cospeech.motion.bvh import UpAxis, read_bvh, read_bvh_skeleton
 from cospeech.motion.joint_map import JointMap, find_joint_map
 from cospeech.motion.motion import Motion
-from cospeech.motion.phases import frame_phases
+from cospeech.motion.phases import PhaseSegment, frame_phases
 from cospeech.motion.upper_body import doubts_about, to_upper_body
 from cospeech.speech.audio import read_audio
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
@@ -149,19 +149,20 @@ def read_take(
         )
         remarks.append(Remark("silence in the place of sound", text, "data.missing_audio=skip"))
     else:
-        waveform = _audio(take, take.audio, remarks)
+        waveform = _first_sound(take, remarks)
     audio_s = len(waveform) / SAMPLE_RATE
     remarks += _length_remarks(take.motion, motion, audio_s)
     words = None
-    read_words = functools.partial(_words, take, audio_s=audio_s, remarks=remarks)
-    spoken = _first_usable(take.transcripts, "a transcript", read_words, remarks)
+    spoken = _spoken(take, take.transcripts, "a transcript", audio_s, remarks)
     if spoken is not None:
         words, annotations["word_timing"] = spoken
     shared_s = min(audio_s, motion.duration)
     motion = motion.slice(0, max(1, round(shared_s * motion.fps)))
     doubts = doubts_about(to_upper_body(motion, joint_map))
     remarks += [Remark("a body that looks wrong", text, LOOK_CLOSER) for text in doubts]
-    read_segments = functools.partial(read_phases, tier=phase_tier, labels=phase_labels)
+    read_segments = functools.partial(
+        _phases, tier=phase_tier, labels=phase_labels, motion_s=whole_frames / motion.fps
+    )
     segments = _first_usable(take.phase_files, "gesture phases", read_segments, remarks)
     phases = None
     if segments is not None:
@@ -195,14 +196,38 @@ def _first_usable(
     paths: Iterable[Path], what: str, read: Callable[[Path], T], remarks: list[Remark]
 ) -> T | None:
     """What the first side file holds that can be used; the others are remarked on."""
+    refused: list[tuple[Path, CospeechError]] = []
+    found: T | None = None
     for path in paths:
         try:
             with understood(path, what):
-                return read(path)
+                found = read(path)
+                break
         except CospeechError as error:
-            text = f"not used as {what}: {error.problem}"
-            remarks.append(Remark(f"without {what}", text, error.hint or "", path))
-    return None
+            refused.append((path, error))
+    kind = f"without {what}" if found is None else f"{what} that can't be used; another is"
+    remarks += [
+        Remark(kind, f"not used as {what}: {error.problem}", error.hint or "", path)
+        for path, error in refused
+    ]
+    return found
+
+
+def _phases(
+    path: Path, *, tier: str | None, labels: Mapping[str, str] | None, motion_s: float
+) -> list[PhaseSegment]:
+    """Gesture phases on the clock of a motion file that lasts so long."""
+    segments = read_phases(path, tier, labels)
+    end_s = max((segment.end_s for segment in segments), default=0.0)
+    if end_s - motion_s > max(TOLERATED_S, TOLERATED_SHARE * end_s):
+        is_milliseconds = 0.5 * motion_s < end_s / 1000 < motion_s + TOLERATED_S
+        raise InputFileError(
+            path,
+            f"its last phase ends at {end_s:.2f} s, but the motion lasts {motion_s:.2f} s"
+            + (": the times look like milliseconds" if is_milliseconds else ""),
+            hint="divide them by 1000" if is_milliseconds else "is it of another take?",
+        )
+    return segments
 
 
 def _motion(
@@ -241,6 +266,30 @@ def _motion(
     return replace(motion, skeleton=skeleton), first, len(whole), joint_map
 
 
+def _first_sound(take: Take, remarks: list[Remark]) -> NDArray[np.float32]:
+    """The waveform of the first sound file that can be read.
+
+    Raises:
+        InputFileError: None can; about the preferred one.
+    """
+    refused: list[InputFileError] = []
+    for path in take.sounds:
+        try:
+            waveform = _audio(take, path, remarks)
+        except InputFileError as error:
+            refused.append(error)
+            continue
+        kind = "a sound file that can't be read; another is"
+        remarks += [
+            Remark(
+                kind, f"{path.name} is used, since {error.problem}", error.hint or "", error.path
+            )
+            for error in refused
+        ]
+        return waveform
+    raise refused[0]
+
+
 def _audio(take: Take, path: Path, remarks: list[Remark]) -> NDArray[np.float32]:
     """The excerpt's waveform."""
     whole, oddities = read_audio(path)
@@ -267,15 +316,36 @@ def _beyond_the_end(take: Take, path: Path, start_s: float, length_s: float) -> 
     )
 
 
+def _spoken(
+    take: Take, paths: Iterable[Path], what: str, audio_s: float, remarks: list[Remark]
+) -> tuple[tuple[Word, ...], str] | None:
+    """What the first usable transcript says; that nobody speaks, where all there are are empty."""
+    blank = [path for path in paths if _is_blank(path)]
+    written = [path for path in paths if path not in blank]
+    if blank and not written:
+        text = f"{blank[0].name} is empty: nobody speaks in this take"
+        remarks.append(Remark("empty transcript", text, "take the file away if it is not so"))
+        return (), "words"
+    remarks += [
+        Remark("empty transcript beside another", f"{path}: is empty", "take it away", path)
+        for path in blank
+    ]
+    read_words = functools.partial(_words, take, audio_s=audio_s, remarks=remarks)
+    return _first_usable(written, what, read_words, remarks)
+
+
+def _is_blank(path: Path) -> bool:
+    try:
+        return path.stat().st_size < 1024 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf")
+    except OSError:
+        return False  # its reader says why
+
+
 def _words(
     take: Take, path: Path, *, audio_s: float, remarks: list[Remark]
 ) -> tuple[tuple[Word, ...], str]:
     """Words on the excerpt's clock, and how their times are known."""
     start = take.excerpt.audio_start
-    if path.stat().st_size < 64 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf"):
-        text = f"{path.name} is empty: nobody speaks in this take"
-        remarks.append(Remark("empty transcript", text, "take the file away if it is not so"))
-        return (), "words"
     is_excerpt = take.excerpt.duration is not None
     transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
     remarks += [
@@ -304,11 +374,10 @@ def _interlocutor(
             f" the take {shared_s:.2f} s; it was cut or filled with silence"
         )
         remarks.append(Remark("another length of the other speaker", text, LOOK_CLOSER))
-    read_words = functools.partial(
-        _words, take, audio_s=max(len(waveform) / SAMPLE_RATE, shared_s), remarks=remarks
-    )
     what = "the other speaker's transcript"
-    spoken = _first_usable(voice.transcripts, what, read_words, remarks)
+    spoken = _spoken(
+        take, voice.transcripts, what, max(len(waveform) / SAMPLE_RATE, shared_s), remarks
+    )
     words = None if spoken is None else spoken[0]
     waveform = np.pad(waveform[:samples], (0, max(0, samples - len(waveform))))
     return Speech(waveform, _words_until(words, shared_s))

@@ -73,6 +73,7 @@ class Take:
             change of theirs makes another corpus.
         other_transcripts: Tried in this order where ``transcript`` can't be used.
         other_phases: Tried in this order where ``phases`` can't be used.
+        other_sounds: Tried in this order where ``audio`` can't be read.
         no_audio: That there is no sound file, and what was looked for; empty where there is one.
     """
 
@@ -94,6 +95,7 @@ class Take:
     tables: tuple[Path, ...] = ()
     other_transcripts: tuple[Path, ...] = ()
     other_phases: tuple[Path, ...] = ()
+    other_sounds: tuple[Path, ...] = ()
     no_audio: str = ""
 
     @property
@@ -110,6 +112,11 @@ class Take:
         return _all(self.transcript, self.other_transcripts)
 
     @property
+    def sounds(self) -> tuple[Path, ...]:
+        """All sound files, the preferred first."""
+        return _all(self.audio, self.other_sounds)
+
+    @property
     def phase_files(self) -> tuple[Path, ...]:
         """All gesture-phase annotations, the preferred first."""
         return _all(self.phases, self.other_phases)
@@ -118,8 +125,8 @@ class Take:
     def files(self) -> tuple[Path, ...]:
         """Every file that reading the take may open, and the tables it was found by."""
         other = self.interlocutor
-        paths = [path for path in (self.motion, self.audio) if path is not None]
-        paths += [*self.transcripts, *self.phase_files]
+        paths = [] if self.motion is None else [self.motion]
+        paths += [*self.sounds, *self.transcripts, *self.phase_files]
         paths += [] if other is None else [other.audio, *other.transcripts]
         return (*paths, *self.tables)
 

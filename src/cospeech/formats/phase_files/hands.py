@@ -24,21 +24,34 @@ BUSIEST_FIRST = (
 """Of two hands, the one whose phase stands earlier here is what the gesture is known by: what
 carries meaning, then what leads to it, then what follows it."""
 
-_SIDES = {"left": "left", "l": "left", "lh": "left", "right": "right", "r": "right", "rh": "right"}
+_SIDES = {
+    word: side
+    for side, words in {
+        "left": "left l lh links linke linker gauche izquierda izquierdo sinistra esquerda",
+        "right": "right r rh rechts rechte rechter droite derecha derecho destra direita",
+        "both": "both bh beide deux ambas",
+    }.items()
+    for word in words.split()
+}
 
 
 def are_hands(names: Sequence[str]) -> bool:
-    """Whether two tiers are those of the left and the right hand, by their names.
+    """Whether tiers are those of the left, the right and both hands, by their names.
 
     ``phase_left`` and ``phase_right`` are, ``LH phase`` and ``RH phase``, ``Hand (R)`` and
-    ``Hand (L)``.
+    ``Hand (L)``, ``main gauche``, ``main droite`` and ``deux mains``.
     """
-    if len(names) != 2:
-        return False
     words = [_words(name) for name in names]
-    sides = [[_SIDES[word] for word in some if word in _SIDES] for some in words]
-    rest = [[word for word in some if word not in _SIDES] for some in words]
-    return sorted(sides) == [["left"], ["right"]] and rest[0] == rest[1]
+    sides = [tuple(_SIDES[word] for word in some if word in _SIDES) for some in words]
+    rest = {tuple(word.rstrip("s") for word in some if word not in _SIDES) for some in words}
+    alone = all(len(side) == 1 for side in sides)
+    return alone and len(set(sides)) == len(sides) > 1 and len(rest) == 1
+
+
+def side_of(text: str) -> str | None:
+    """``"left"``, ``"right"`` or ``"both"``, where a text says that alone or with "hand"."""
+    sides = [_SIDES[word] for word in _words(text) if word in _SIDES]
+    return sides[0] if len(sides) == 1 else None
 
 
 def _words(name: str) -> list[str]:

@@ -29,10 +29,13 @@ rest hold: "none" is for hands that hang down or do something else."""
 
 
 def plain(text: str) -> str:
-    """Lower case, without accents, with single spaces for all that is no letter or digit."""
+    """Lower case, without accents, with single spaces for all that is no letter or digit.
+
+    Text that has neither stays as it is.
+    """
     decomposed = unicodedata.normalize("NFKD", text)
     letters = "".join(letter for letter in decomposed if not unicodedata.combining(letter))
-    return re.sub(r"[\W_]+", " ", letters.casefold()).strip()
+    return re.sub(r"[\W_]+", " ", letters.casefold()).strip() or text.strip()
 
 
 _MEANINGS = {plain(label): label for label in PHASES} | {

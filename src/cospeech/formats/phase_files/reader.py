@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -140,9 +142,13 @@ def _choose(
 def _meaning(entry: Entry) -> str:
     """How to say what an annotation's label means."""
     text = plain(entry.text)  # case, accents and marks make no difference, and need no quoting
-    if text.isascii():
+    if re.fullmatch(
+        r"[a-z0-9 ]+|[?*@%|+-]+", text
+    ):  # what Hydra takes as a key, which can't be quoted
         return f"'data.phase_labels={{{text}: stroke}}'"
-    return f"phase_labels: {{{text}: stroke}} in conf/data/mocap.yaml"
+    return (
+        f"phase_labels: {{{json.dumps(text, ensure_ascii=False)}: stroke}} in conf/data/mocap.yaml"
+    )
 
 
 def _tier_setting(tier: Tier) -> str:

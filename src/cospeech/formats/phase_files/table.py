@@ -7,6 +7,8 @@ from pathlib import Path
 
 from cospeech.errors import InputFileError
 from cospeech.foreign import read_bytes
+from cospeech.formats.phase_files.hands import side_of
+from cospeech.formats.phase_files.labels import plain
 from cospeech.formats.phase_files.tiers import MAX_BYTES, MAX_ENTRIES, Entry, Tier, read_time
 
 _COLUMNS = {
@@ -14,10 +16,11 @@ _COLUMNS = {
     "end": ("end", "end_s", "end_time", "stop", "offset"),
     "label": ("label", "phase"),
 }
+_HAND = ("hand", "side", "hand side", "arm", "main")
 
 
 def read_table(path: Path) -> list[Tier]:
-    """One tier, named after the file.
+    """One tier, named after the file, or where a column tells the hand, one per hand.
 
     Times are seconds. Without a header line the columns are start, end, label; with one they may be
     in any order and among others. Empty lines are passed over.
@@ -35,8 +38,9 @@ def read_table(path: Path) -> list[Tier]:
         raise InputFileError(path, f"more than {MAX_ENTRIES} lines")
     filled = next((line for line in lines if line.strip()), "")
     delimiter = max("\t;,", key=filled.count)
-    entries: list[Entry] = []
+    entries: list[tuple[str, Entry]] = []
     columns: tuple[int, int, int] | None = None
+    hand: int | None = None
     try:
         rows = list(enumerate(csv.reader(lines, delimiter=delimiter), start=1))
     except csv.Error as error:
@@ -47,14 +51,22 @@ def read_table(path: Path) -> list[Tier]:
         if columns is None:
             columns = _header(path, number, row)
             if columns is not None:
+                hand = next((i for i, cell in enumerate(row) if plain(cell) in _HAND), None)
                 continue
             columns = (0, 1, 2)
         place = f"line {number}"
         if len(row) <= max(columns):
             raise InputFileError(path, f"{len(row)} columns, expected start, end and label", place)
         start, end = (read_time(path, row[column].strip(), place) for column in columns[:2])
-        entries.append(Entry(start, end, row[columns[2]].strip(), place))
-    return [Tier(path.stem, entries=entries)]
+        side = row[hand].strip() if hand is not None and hand < len(row) else ""
+        entries.append((side, Entry(start, end, row[columns[2]].strip(), place)))
+    sides = {side: side_of(side) or "both" for side, _ in entries}
+    if not all(side_of(side) for side in sides if side) or len(set(sides.values())) < 2:
+        return [Tier(path.stem, entries=[entry for _, entry in entries])]
+    return [
+        Tier(name, entries=[entry for side, entry in entries if sides[side] == name])
+        for name in dict.fromkeys(sides.values())
+    ]
 
 
 def _header(path: Path, number: int, row: list[str]) -> tuple[int, int, int] | None:
