@@ -39,7 +39,9 @@ class SyntheticData(StoreDataModule):
         super().__post_init__()
         for name, least in (("speakers", 1), ("corpus_seed", 0)):
             if getattr(self, name) < least:
-                raise ConfigError(f"data.{name}={getattr(self, name)}: a number of at least {least}")
+                raise ConfigError(
+                    f"data.{name}={getattr(self, name)}: a number of at least {least}"
+                )
         if not 0 < self.minutes < math.inf:
             raise ConfigError(f"data.minutes={self.minutes}: a number above 0")
         if self.minutes == int(self.minutes):

@@ -100,7 +100,7 @@ def _plain_values(node: DictConfig, path: str) -> Iterator[tuple[str, Any]]:
     for key in node:
         if str(key) == "hydra":
             continue
-        item = node._get_node(key)
+        item: Any = node._get_node(key)
         name = f"{path}.{key!s}" if path else str(key)
         is_open = isinstance(item, DictConfig) and not item._is_none() and not item._is_missing()
         if not is_open:
