@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Source
 from cospeech.corpus.synthetic import GENERATOR_VERSION, plan, synthesise
+from cospeech.errors import ConfigError
 from data_modules.base import StoreDataModule
 
 MINUTES_PER_RECORDING = 1.5
@@ -24,6 +26,9 @@ class SyntheticData(StoreDataModule):
         minutes: Length of the corpus.
         corpus_seed: Seed of everything in the corpus.
         speakers: Number of speakers.
+
+    Raises:
+        ConfigError: One of them is out of its range.
     """
 
     minutes: float
@@ -32,6 +37,15 @@ class SyntheticData(StoreDataModule):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for name, least in (("speakers", 1), ("corpus_seed", 0)):
+            if getattr(self, name) < least:
+                raise ConfigError(
+                    f"data.{name}={getattr(self, name)}: a number of at least {least}"
+                )
+        if not 0 < self.minutes < math.inf:
+            raise ConfigError(f"data.minutes={self.minutes}: a number above 0")
+        if self.minutes == int(self.minutes):
+            self.minutes = int(self.minutes)  # 4 and 4.0 are one corpus, with one fingerprint
         # The takes share one voice process and are made in order; nothing to read in parallel.
         self.workers = 1
         if self.max_recordings is not None:

@@ -1,5 +1,6 @@
 """What every data module must do. The embedded corpus and a folder of BVH stand for their kinds."""
 
+import json
 import os
 from dataclasses import replace
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import CospeechError
+from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.bvh import write_bvh
 from cospeech.motion.kinematics import skeleton_positions
 from cospeech.motion.motion import Motion
@@ -119,6 +120,29 @@ def data(request, tmp_path_factory, bvh_folder):
     module = synthetic(folder) if request.param == "synthetic" else mocap(folder, bvh_folder)
     module.attach(Windows)
     return module
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"minutes": 0}, "data.minutes=0: "),
+        ({"minutes": -1.5}, "data.minutes=-1.5: "),
+        ({"minutes": float("nan")}, "data.minutes=nan: "),
+        ({"minutes": float("inf")}, "data.minutes=inf: "),
+        ({"speakers": 0}, "data.speakers=0: "),
+        ({"corpus_seed": -1}, "data.corpus_seed=-1: "),
+    ],
+)
+def test_a_synthetic_corpus_of_nothing_is_refused_by_its_setting(tmp_path, changes, problem):
+    with pytest.raises(ConfigError) as caught:
+        synthetic(tmp_path, **changes)
+    assert caught.value.problem.startswith(problem)
+
+
+def test_four_minutes_are_one_corpus_however_they_are_written(tmp_path):
+    whole, point = synthetic(tmp_path, minutes=4), synthetic(tmp_path, minutes=4.0)
+    assert json.dumps(point.settings()) == json.dumps(whole.settings())
+    assert synthetic(tmp_path, minutes=4.5).settings()["minutes"] == 4.5
 
 
 def test_batches_have_the_fields_that_were_asked_for(data):

@@ -140,11 +140,14 @@ def test_a_corpus_that_is_gone_is_not_made_again_on_a_strangers_word(outputs, ru
     record = read_record(run)
     record["data_fingerprint"] = "1" * 64
     record["config"]["data"] |= {"store_dir": str(tmp_path / "stores"), "speakers": 3}
+    record["config"]["metrics"] |= {"encoder": "trained", "encoder_epochs": 7, "reference_seed": 2}
     write_record(run, record)
     with pytest.raises(ConfigError, match="its prepared corpus isn't here") as caught:
         judged(outputs, run, tmp_path / "made", f"outputs_dir={tmp_path}")
     assert "data=synthetic data.minutes=4 data.speakers=3" in caught.value.hint
     assert "store_dir=/" not in caught.value.hint
+    # With the corpus back, the encoder has to be trained again too: all of it is said at once.
+    assert "metrics.encoder_epochs=7 metrics.reference_seed=2 data=" in caught.value.hint
     assert list(tmp_path.iterdir()) == []
 
 
@@ -157,6 +160,12 @@ def test_an_encoder_that_is_gone_is_not_trained_for_as_long_as_a_record_says(
     with pytest.raises(ConfigError, match="isn't kept beside") as caught:
         judged(outputs, run, tmp_path, f"outputs_dir={outputs.folder}")
     assert "metrics.encoder_epochs=1000000000" in caught.value.hint
+
+
+def test_a_split_that_is_none_is_named_before_anything_slow(outputs, run, tmp_path):
+    for more in ((), ("study=fgd_noise",)):
+        with pytest.raises(ConfigError, match="split=tst is not one of train, val, test"):
+            judged(outputs, run, tmp_path, "split=tst", *more)
 
 
 def test_a_study_of_a_corpus_takes_no_run(outputs, run, tmp_path):

@@ -111,6 +111,47 @@ def test_a_value_of_another_type_is_named_before_anything_is_made(typed, problem
     assert problem in refused("model=trimodal", typed).problem
 
 
+@pytest.mark.parametrize(
+    ("typed", "problem"),
+    [
+        ("seed=-1", "seed=-1: a whole number of at least 0 is wanted"),
+        ("seed=abc", "seed: wants a whole number, not 'abc'"),
+        ("seed=null", "seed: wants a whole number, not null"),
+        ("test=perhaps", "test: wants true or false, not 'perhaps'"),
+        ("ckpt_path=3", "ckpt_path: wants a text, not 3"),
+        ("outputs_dir=", "outputs_dir is empty"),
+        ("metrics.encoder=", "metrics.encoder is empty"),
+        ("metrics.encoder=null", "metrics.encoder: wants a text, not null"),
+        ("metrics.encoder_epochs=0", "metrics.encoder_epochs=0: a whole number of at least 1"),
+        ("training.epochs=1.5", "training.epochs: wants a whole number, not 1.5"),
+        ("training.epochs=-2", "training.epochs=-2: a whole number of at least -1 is wanted"),
+        ("training.epochs=[1]", "training.epochs: wants a whole number, not a list"),
+        ("training.batch_size=0", "training.batch_size=0: a whole number of at least 1"),
+        ("training.batch_size=1.5", "training.batch_size: wants a whole number, not 1.5"),
+        ("data.batch_size=0", "data.batch_size=0: a whole number of at least 1"),
+        ("model.hidden_size=-4", "model.hidden_size=-4: a whole number of at least 1"),
+        ("model.hidden_size=8.0", "model.hidden_size: wants a whole number, not 8.0"),
+        ("model.adversarial_start_epoch=-1", "at least 0"),
+    ],
+)
+def test_a_value_that_nothing_can_be_made_of_is_named_at_once(typed, problem):
+    assert problem in refused("model=trimodal", typed).problem
+
+
+def test_values_of_other_commands_are_checked_too():
+    assert "seed: wants a whole number" in refused("seed=abc", command=GENERATE).problem
+    assert "audio: wants a text" in refused("audio=7", command=GENERATE).problem
+    assert "speaker: wants a text" in refused("speaker=7", command=GENERATE).problem
+    check_typed(GENERATE, ["run=a", "audio=b.wav", "speaker=null", 'transcript="7"'], False)
+
+
+@pytest.mark.parametrize("model", ["motion_autoencoder", "knn_cgan"])
+def test_epochs_without_end_and_the_yamls_own_values_pass(model):
+    check_typed(TRAIN, [f"model={model}", "training.epochs=-1"], False)
+    check_typed(TRAIN, [f"model={model}", "debug=fast", "seed=3"], False)
+    assert "wants a whole" in refused(f"model={model}", "training.epochs=a").problem
+
+
 def test_a_folder_named_like_a_number_gets_its_quotes():
     error = refused("model=trimodal", "data=mocap", "data.root=123")
     assert """'data.root="123"'""" in str(error.hint)

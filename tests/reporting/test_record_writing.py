@@ -31,7 +31,7 @@ def test_a_full_disk_leaves_the_old_file_and_is_named(tmp_path, monkeypatch):
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(CospeechError, match=r"record\.json can't be written \(.+\)"):
+    with pytest.raises(CospeechError, match=r"record\.json: can't be written \(.+\)"):
         write_json(tmp_path / "file" / "record.json", {})
 
 

@@ -98,6 +98,41 @@ def test_a_swept_setting_makes_groups_and_names_them(study):
     assert "trimodal [model.loss.adversarial=2.5]" in labels
 
 
+def settings(weight=5.0, **data):
+    return {"data": {"minutes": 4, **data}, "model": {"width": 8, "weight": weight}}
+
+
+def test_labels_are_unique_by_whichever_settings_tell_most(tmp_path):
+    """Three settings of one group alone come first; the one that tells all apart comes last."""
+    first = settings(a=1, b=1, c=1)
+    for config in (first, settings(weight=2.0), settings(weight=3.0), settings(weight=4.0)):
+        record(tmp_path, config=config)
+    groups = group_runs(collect(tmp_path).runs)
+    labels = [group.label for group in groups]
+    assert len(set(labels)) == 4
+    assert all("model.weight=" in label for label in labels)
+
+
+def test_labels_say_no_more_than_what_groups_are_made_of(tmp_path):
+    record(tmp_path, config=settings(), commit="a")
+    record(tmp_path, config=settings(weight=1.0), commit="b")
+    labels = [group.label for group in group_runs(collect(tmp_path).runs)]
+    assert labels == ["trimodal [model.weight=1.0]", "trimodal [model.weight=5.0]"]
+
+
+def test_where_a_store_lies_and_who_reads_it_is_no_setting(tmp_path):
+    record(tmp_path, 0, config=settings(store_dir="here", workers=None))
+    record(tmp_path, 1, config=settings(store_dir="there", workers=4))
+    assert [len(group.runs) for group in group_runs(collect(tmp_path).runs)] == [2]
+
+
+def test_a_mean_of_fewer_values_than_runs_says_so(study):
+    record(study, 3, final={"windows": {"fgd": None}, "recordings": {"fgd": 4.0}})
+    text = text_report(collect(study), "markdown")
+    assert "| trimodal | windows | 4 | 3.0 ± 2.6 (n=3) |" in text
+    assert "| trimodal | recordings | 4 | 4.0 ± 2.2 |" in text
+
+
 def test_why_different_names_what_differs_and_nothing_else(study):
     runs = {(run.values["ablation"], run.seed): run for run in collect(study).runs}
     assert differences([runs["full", 0], runs["full", 1]]) == {}

@@ -118,3 +118,18 @@ def test_a_record_that_cannot_be_written_keeps_its_last_state(tmp_path, request)
         kept.update(error="x" * 10_000)
     assert json.loads(path.read_text())["error"] is None
     assert [found.name for found in path.parent.iterdir()] == ["record.json"]
+
+
+def test_a_resumed_record_removes_what_a_kill_left_and_nothing_else(tmp_path, monkeypatch):
+    path, mine = tmp_path / "record.json", tmp_path / ".record.of-mine.json"
+    RunRecord(path, {"id": "a", "config": {}})
+    mine.write_text("x")
+    with monkeypatch.context() as killed:  # nothing of the clean-up happens
+        killed.setattr("cospeech.reporting.files.Path.replace", lambda *_: None)
+        killed.setattr("cospeech.reporting.files.Path.unlink", lambda *_, **__: None)
+        RunRecord(path, {"id": "b", "config": {}})
+    assert len(list(tmp_path.iterdir())) == 3
+    RunRecord(path, {"id": "c", "config": {}}, writes=False)
+    assert len(list(tmp_path.iterdir())) == 3
+    RunRecord(path, {"id": "c", "config": {}})
+    assert sorted(tmp_path.iterdir()) == [mine, path]

@@ -9,6 +9,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
+from cospeech.corpus.splits import SPLITS
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.evaluation import evaluate_recordings, reference_rows
@@ -106,9 +107,12 @@ def evaluate(cfg: DictConfig) -> Any:
         cfg: Composed from ``conf/evaluate.yaml``.
 
     Raises:
-        ConfigError: Neither ``run`` nor ``study`` is given, or what `open_run` refuses.
+        ConfigError: There is no such ``split``, neither ``run`` nor ``study`` is given, or what
+            `open_run` refuses.
     """
     folder = Path(cfg.run_dir)
+    if cfg.split not in SPLITS:
+        raise ConfigError(f"split={cfg.split} is not one of {', '.join(SPLITS)}")
     if cfg.run is None and OmegaConf.select(cfg, "study_task") is None:
         raise ConfigError(
             "say what to evaluate",
@@ -145,8 +149,6 @@ def _study(cfg: DictConfig, folder: Path) -> Any:
     Raises:
         ConfigError: The study is of a run, and none is given.
     """
-    if cfg.split not in ("train", "val", "test"):
-        raise ConfigError(f"split={cfg.split} is not one of train, val, test")
     study = build(cfg.study_task)
     wanted = inspect.signature(study).parameters
     given: dict[str, Any] = {"split": cfg.split, "folder": folder}

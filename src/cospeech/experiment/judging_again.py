@@ -43,7 +43,8 @@ def corpus_of(run: FinishedRun, cfg: DictConfig) -> Store:
     """
     settings = given("data", "store_dir", "workers")
     if not settings:
-        command = shlex.join(["python", "evaluate.py", *_overrides()])
+        typed = ["python", "evaluate.py", *_overrides(), *_own_encoder(run, cfg)]
+        command = shlex.join(typed)
         return run.require_store([cfg.data.store_dir], command)
     store: Store = build(cfg.data).prepare_store()
     if store.fingerprint != run.fingerprint:
@@ -74,19 +75,29 @@ def encoder_of(
     if not given("metrics"):
         # Values that were checked; a config made of them has no resolver to call.
         metrics = OmegaConf.create({**metrics, **run.metrics})
-        own, usual = (
-            (values.encoder, values.encoder_epochs, values.encoder_seed)
-            for values in (metrics, cfg.metrics)
-        )
         # How long an encoder is trained is not for a record to say.
-        if own != usual and own[0] == "trained" and not is_kept(store, own[1], own[2]):
+        own = _own_encoder(run, cfg)
+        if own and not is_kept(store, metrics.encoder_epochs, metrics.encoder_seed):
             raise ConfigError(
                 f"run={run.folder}: the encoder that it was judged with isn't kept beside"
                 f" {store.path} any more",
-                f"train it again by adding metrics.encoder_epochs={own[1]}"
-                f" metrics.encoder_seed={own[2]}, or judge with metrics=default",
+                f"train it again by adding {shlex.join(own)}, or judge with metrics=default",
             )
     return chosen_encoder(store, metrics), metrics
+
+
+def _own_encoder(run: FinishedRun, cfg: DictConfig) -> list[str]:
+    """What to type for an encoder trained as the run's own was; nothing where it is the usual one.
+
+    Nothing either where the command says which to take.
+    """
+    own = {**cfg.metrics, **run.metrics}
+    trained = [key for key in own if key.startswith("encoder")]
+    if given("metrics") or own["encoder"] != "trained":
+        return []
+    if all(own[key] == cfg.metrics[key] for key in trained):
+        return []
+    return [f"metrics.{key}={value}" for key, value in own.items() if value != cfg.metrics[key]]
 
 
 def _overrides() -> list[str]:

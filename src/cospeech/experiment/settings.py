@@ -1,21 +1,26 @@
-"""Whether the settings of an object in the config are arguments that its constructor takes."""
+"""Whether the settings of a config are such that something can be made of them."""
 
 from __future__ import annotations
 
 import inspect
+import re
 import types
 import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hydra._internal.utils import _locate  # get_object logs each failure as an error
-from omegaconf import DictConfig, ListConfig
+from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cospeech.errors import ConfigError
 from cospeech.suggestions import did_you_mean
 
 _OF_HYDRA = ("_target_", "_partial_", "_recursive_", "_convert_", "_args_")
 _OURS = ("cospeech.", "data_modules.", "callbacks.")
+_AT_LEAST_ONE = re.compile(r"(?:size|width|layers|encoder_epochs)$")
+_LEAST = {"training.epochs": -1}
+"""Whole numbers of ours that may be negative; the others count or seed something."""
+
 _WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 
 
@@ -54,7 +59,62 @@ def refuse_unknown_settings(cfg: DictConfig) -> None:
                     f"{path} knows: {', '.join(sorted(known))}",
                 )
             if target.startswith(_OURS):
-                _refuse_other_type(f"{path}.{name}", node._get_node(key), known[name].annotation)
+                value, annotation = node._get_node(key), known[name].annotation
+                _refuse_other_type(f"{path}.{name}", value, annotation)
+                if annotation in (int, int | None):
+                    _refuse_too_small(f"{path}.{name}", value)
+
+
+def refuse_wrong_values(cfg: DictConfig, usual: DictConfig) -> None:
+    """Check the values that are no constructor's argument: ``seed``, ``training``, ``metrics``.
+
+    Args:
+        cfg: What is to be checked.
+        usual: The same without the values that were typed: those of the yaml files, whose types
+            are wanted. What is null or missing there is wanted as a text.
+
+    Raises:
+        ConfigError: A value of another type, an empty text, or a number that is too small.
+    """
+    for path, node in _plain_values(cfg, ""):
+        default: Any = OmegaConf.select(usual, path.rpartition(".")[0]) if "." in path else usual
+        name = path.rpartition(".")[2]
+        default = default._get_node(name) if isinstance(default, DictConfig) else None
+        if default is None or default._is_interpolation() or not hasattr(default, "_value"):
+            kind: Any = int if path in _LEAST else None
+        elif default._is_none() or default._is_missing():
+            kind = str | None
+        else:
+            kind = type(default._value())
+        if kind is None or node._is_interpolation() or node._is_missing():
+            continue
+        _refuse_other_type(path, node, kind)
+        if node._value() == "":
+            raise ConfigError(f"{path} is empty", "leave it out, or give it a value")
+        if kind is int:
+            _refuse_too_small(path, node)
+
+
+def _plain_values(node: DictConfig, path: str) -> Iterator[tuple[str, Any]]:
+    """Values that belong to no object, with their dotted names."""
+    for key in node:
+        if str(key) == "hydra":
+            continue
+        item: Any = node._get_node(key)
+        name = f"{path}.{key!s}" if path else str(key)
+        is_open = isinstance(item, DictConfig) and not item._is_none() and not item._is_missing()
+        if not is_open:
+            yield name, item
+        elif "_target_" not in item:
+            yield from _plain_values(item, name)
+
+
+def _refuse_too_small(path: str, node: Any) -> None:
+    if node._is_none() or node._is_missing() or node._is_interpolation():
+        return
+    least = _LEAST.get(path, 1 if _AT_LEAST_ONE.search(path) else 0)
+    if node._value() < least:
+        raise ConfigError(f"{path}={node._value()}: a whole number of at least {least} is wanted")
 
 
 def _parameters(target: str) -> Mapping[str, inspect.Parameter] | None:
@@ -84,10 +144,10 @@ def _refuse_other_type(path: str, node: Any, annotation: Any) -> None:
     given = type(value)
     if given in wanted or (given is int and float in wanted):
         return
-    if given is float and int in wanted and value.is_integer():
-        return
     words = " or ".join(_WORDS[kind] for kind in (int, float, bool, str) if kind in wanted)
-    told = "a list or a mapping" if isinstance(node, DictConfig | ListConfig) else repr(value)
+    told = "null" if value is None else repr(value)
+    if isinstance(node, DictConfig | ListConfig) and value is not None:
+        told = "a list or a mapping"
     hint = f"as a text: '{path}=\"{value}\"'" if str in wanted and given in (int, float) else None
     raise ConfigError(f"{path}: wants {words}, not {told}", hint)
 

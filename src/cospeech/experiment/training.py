@@ -153,6 +153,9 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     # Everything that can be wrong with the settings is found before anything slow begins.
     lightning.seed_everything(cfg.seed, verbose=False)
     model: LightningModule = build(cfg.model, corpus=store.facts())
+    checkpoint = _checkpoint(cfg, folder)
+    if checkpoint is None and isinstance(model, GestureMethod):
+        model.read_files()
     data.attach(model)
     for windows in (data.train_dataloader, data.val_dataloader, data.test_dataloader):
         windows()
@@ -203,7 +206,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         trainer.fit(
             model,
             datamodule=cast(LightningDataModule, data),
-            ckpt_path=_checkpoint(cfg, folder),
+            ckpt_path=checkpoint,
             weights_only=True,
         )
     best = _best_checkpoint(trainer)

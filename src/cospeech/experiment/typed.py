@@ -19,7 +19,11 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from cospeech.errors import ConfigError
-from cospeech.experiment.settings import known_arguments, refuse_unknown_settings
+from cospeech.experiment.settings import (
+    known_arguments,
+    refuse_unknown_settings,
+    refuse_wrong_values,
+)
 from cospeech.suggestions import did_you_mean
 
 _OPEN_GROUPS = ("callbacks", "logger")
@@ -96,8 +100,9 @@ def check_typed(command: Command, overrides: Sequence[str], multirun: bool) -> N
     for job, cfg in configs:
         _refuse_unknown_additions(command, job, cfg)
         _refuse_choices_of_others(command, job, cfg)
-    for _, cfg in configs:
+    for job, cfg in configs:
         refuse_unknown_settings(cfg)
+        refuse_wrong_values(cfg, _usual(command, job))
 
 
 # Reading and quoting ---------------------------------------------------------------------------
@@ -199,6 +204,21 @@ def _composed(command: Command, job: Sequence[str], typed: Sequence[Override]) -
         return command.compose(job)
     except (HydraException, OmegaConfBaseException) as error:
         raise _explained(command, job, error) from None
+
+
+def _usual(command: Command, job: Sequence[str]) -> DictConfig:
+    """The config of the same choices, with the values that the yaml files give."""
+    chosen = [
+        str(override.input_line)
+        for override in read_overrides(job)
+        if command.choices(_group(override)) or str(override.key_or_group).startswith("hydra.")
+    ]
+    return _of_choices(command, tuple(chosen))
+
+
+@cache
+def _of_choices(command: Command, chosen: tuple[str, ...]) -> DictConfig:
+    return command.compose(chosen)
 
 
 def _explained(command: Command, job: Sequence[str], error: Exception) -> ConfigError:

@@ -81,6 +81,15 @@ class GestureMethod(LightningModule):
         generator = torch.Generator(device=self.device).manual_seed(batch_idx)
         return self.sample(batch, generator)
 
+    def read_files(self) -> None:
+        """Read the files that the settings name, before a new training and anything slow.
+
+        A resumed training has what it needs of them in its checkpoint.
+
+        Raises:
+            CospeechError: One can't be read, or doesn't fit.
+        """
+
     def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """Further values of an evaluation, logged beside those it is given.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ RECORD = "record.json"
 PROTOCOLS: tuple[str, ...] = ("windows", "recordings")
 """The two ways a run is judged; their numbers are not comparable with one another."""
 
+_SPACE = ("corpus fingerprint", "encoder")
 _MOST_SAMPLES = 100
 _LONGEST_SETTING = 60
 _LIMITS = ("fast_dev_run", "overfit_batches")
@@ -33,7 +34,11 @@ _NOT_SETTINGS = (
     "callbacks",
     "logger",
     "hydra",
+    "data.store_dir",
+    "data.workers",
+    "model.products_dir",
 )
+_SETTINGS_IN_A_LABEL = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +135,7 @@ class Run:
             key: value
             for key, value in flat.items()
             if key.split(".")[0] not in _NOT_SETTINGS
+            and key not in _NOT_SETTINGS
             and not (key.rsplit(".", 1)[-1] == "seed" and value == self.seed)
             and not (isinstance(value, str) and self.id in value)
         }
@@ -184,7 +190,8 @@ class Group:
     def summary(self, protocol: str, metric: str) -> Summary | None:
         """A final metric over the seeds; None when no run has it."""
         values = (number(run.final(protocol).get(metric)) for run in self.runs)
-        return summarise(value for value in values if value is not None)
+        found = summarise(value for value in values if value is not None)
+        return None if found is None else replace(found, of=len(self.runs))
 
 
 def number(value: Any) -> float | None:
@@ -317,12 +324,35 @@ def _tell_apart(groups: Sequence[Group]) -> None:
     for same in alike.values():
         if len(same) < 2:
             continue
-        differing = differences([group.members[0] for group in same])
+        runs = [group.members[0] for group in same]
+        differing = {
+            key: [str(value)[:_LONGEST_SETTING] for value in values]
+            for key, values in differences(runs).items()
+            if key in _SPACE or any(key in run.settings() for run in runs)
+        }
+        shown = _telling(differing)
         for i, group in enumerate(same):
-            parts = [
-                f"{key}={str(values[i])[:_LONGEST_SETTING]}" for key, values in differing.items()
-            ]
-            group.label = f"{group.label} [{', '.join(parts[:3])}{', …' if len(parts) > 3 else ''}]"
+            parts = [f"{key}={values[i]}" for key, values in differing.items() if key in shown]
+            more = ", …" if any(key not in shown and key not in _SPACE for key in differing) else ""
+            group.label = f"{group.label} [{', '.join(parts)}{more}]"
+
+
+def _telling(differing: Mapping[str, Sequence[str]]) -> list[str]:
+    """The keys that tell all apart, the most telling first, and further settings up to a few."""
+    shown: list[str] = []
+    left = list(differing)
+
+    def told_apart(keys: Sequence[str]) -> int:
+        return len(set(zip(*(differing[key] for key in keys), strict=True)))
+
+    while left:
+        best = max(left, key=lambda key: told_apart([*shown, key]))
+        if shown and told_apart([*shown, best]) == told_apart(shown):
+            break
+        shown.append(best)
+        left.remove(best)
+    settings = [key for key in left if key not in _SPACE]
+    return [*shown, *settings[: max(0, _SETTINGS_IN_A_LABEL - len(shown))]]
 
 
 def differences(runs: Sequence[Run]) -> dict[str, list[Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import tempfile
 from collections.abc import Iterator
@@ -30,10 +31,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(
-            # a temporary name is longer than the target's, which may be as long as names can be
-            prefix=f".{target.stem[:_MOST_OF_A_NAME]}.",
-            suffix=target.suffix[:_MOST_OF_A_NAME],
-            dir=target.parent,
+            prefix=_prefix(target), suffix=target.suffix[:_MOST_OF_A_NAME], dir=target.parent
         )
         os.close(handle)
         temporary = Path(name)
@@ -50,6 +48,24 @@ def replacing(path: str | Path) -> Iterator[Path]:
         if temporary is not None:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def remove_temporaries(path: str | Path) -> None:
+    """Remove what killed processes left beside a file while they wrote it with `replacing`.
+
+    Args:
+        path: The file; no other process may be writing it.
+    """
+    target = Path(path)
+    pattern = f"{glob.escape(_prefix(target))}{'[a-z0-9_]' * 8}{glob.escape(target.suffix)}"
+    for left in target.parent.glob(pattern):
+        with suppress(OSError):
+            left.unlink()
+
+
+def _prefix(target: Path) -> str:
+    # a temporary name is longer than the target's, which may be as long as names can be
+    return f".{target.stem[:_MOST_OF_A_NAME]}."
 
 
 def write_text(path: str | Path, text: str) -> None:

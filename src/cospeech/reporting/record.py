@@ -15,7 +15,7 @@ from typing import Any
 
 from cospeech.errors import InputFileError
 from cospeech.foreign import read_json
-from cospeech.reporting.files import write_text
+from cospeech.reporting.files import remove_temporaries, write_text
 from cospeech.reporting.record_schema import record_problems
 
 RECORD_SCHEMA = 1
@@ -39,6 +39,8 @@ class RunRecord:
     def __init__(self, path: Path, facts: dict[str, Any], writes: bool = True) -> None:
         self.path = path
         self._writes = writes
+        if writes:
+            remove_temporaries(path)
         self.earlier = earlier = read_record(path) if path.is_file() else {}
         self.values: dict[str, Any] = {
             "schema": RECORD_SCHEMA,

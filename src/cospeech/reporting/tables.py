@@ -59,18 +59,21 @@ class Summary:
         n: Number of runs.
         ci95: 95 % interval of the mean by Student's t; None for one run. Three runs make it wide,
             as they should.
+        of: Number of runs that there are, where some have no value; it says so then.
     """
 
     mean: float
     std: float | None
     n: int
     ci95: tuple[float, float] | None
+    of: int | None = None
 
     def __str__(self) -> str:
+        some = "" if self.of in (None, self.n) else f" (n={self.n})"
         if self.std is None:
-            return format_value(self.mean)
+            return f"{format_value(self.mean)}{some}"
         decimals = _decimals(self.std, 2) if self.std > 0 else _decimals(self.mean, 4)
-        return f"{self.mean:.{decimals}f} ± {self.std:.{decimals}f}"
+        return f"{self.mean:.{decimals}f} ± {self.std:.{decimals}f}{some}"
 
 
 def summarise(values: Iterable[float]) -> Summary | None:

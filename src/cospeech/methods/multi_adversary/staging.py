@@ -66,9 +66,14 @@ class GoesThroughStages(GeneratesGestures):
         return split_windows(store, split, self.window, self.needs, unlabelled=True)
 
     def on_fit_start(self) -> None:
-        """Read the named classifier before a new training; a resumed one has it in its checkpoint.
+        """See to the named classifier; a resumed training has it in its checkpoint.
 
         Nothing needs the file then: it may be gone.
+        """
+        self.read_files()
+
+    def read_files(self) -> None:
+        """Read the named classifier, unless it is there.
 
         Raises:
             CospeechError: It can't be read, has other classes, or needs joints that the corpus

@@ -26,8 +26,8 @@ LARGEST_FILE_BYTES = 64 * 2**20
 _LIGHTNING_NETWORK = "network."
 _WHAT = "a gesture encoder"
 _OTHER_ENCODER = (
-    "use the auto-encoder published for 34-frame windows with Trimodal Context, or leave"
-    " metrics.encoder empty: one is then trained on the store's training split"
+    "use the auto-encoder published for 34-frame windows with Trimodal Context, or"
+    " metrics.encoder=trained: one is then trained on the store's training split"
 )
 
 
