@@ -27,12 +27,12 @@ class Claim(NamedTuple):
     Attributes:
         kind: Its class, as ``module.name``.
         key: Its name in the file.
-        count: Numbers in it.
+        numbers: How many it holds.
     """
 
     kind: str
     key: str
-    count: int
+    numbers: int
 
 
 @dataclass(slots=True, eq=False)

@@ -226,9 +226,9 @@ def _zipped_names(path: Path) -> set[str]:
 
 
 def _claimed_bytes(claim: Claim) -> int:
-    if claim.kind not in _ITEM_BYTES or claim.count < 0:
+    if claim.kind not in _ITEM_BYTES or claim.numbers < 0:
         raise ValueError(f"it has a storage of an unusual kind ({claim.kind[:60]})")
-    return claim.count * _ITEM_BYTES[claim.kind]
+    return claim.numbers * _ITEM_BYTES[claim.kind]
 
 
 def _require_bounded(content: Any, size: int, objects: tuple[type, ...]) -> None:
