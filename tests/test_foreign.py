@@ -102,3 +102,8 @@ def test_patterns_take_time_in_proportion_to_the_text() -> None:
 def test_patterns_that_are_refused(text: str) -> None:
     with pytest.raises(CospeechError, match="no regular expression"):
         linear_pattern(text)
+
+
+def test_no_terminal_obeys_what_a_message_quotes() -> None:
+    error = InputFileError("a\nerror: b\x1b]0;c\x07", "d\u202e\ud800", hint="e\x1b[2J")
+    assert str(error) == "a error: b\ufffd]0;c\ufffd: d\ufffd\ufffd\n  -> e\ufffd[2J"
