@@ -9,6 +9,7 @@ from cospeech.errors import CospeechError, InputFileError
 from cospeech.foreign import (
     linear_pattern,
     parse_json,
+    parse_json_stream,
     parse_yaml,
     read_bytes,
     read_json,
@@ -102,3 +103,18 @@ def test_patterns_take_time_in_proportion_to_the_text() -> None:
 def test_patterns_that_are_refused(text: str) -> None:
     with pytest.raises(CospeechError, match="no regular expression"):
         linear_pattern(text)
+
+
+def test_no_terminal_obeys_what_a_message_quotes() -> None:
+    error = InputFileError("a\nerror: b\x1b]0;c\x07", "d\u202e\ud800", hint="e\x1b[2J")
+    assert str(error) == "a error: b\ufffd]0;c\ufffd: d\ufffd\ufffd\n  -> e\ufffd[2J"
+
+
+def test_texts_of_far_too_many_values_are_refused() -> None:
+    for many in ("[" + "[]," * 600_000 + "[]]", "[" + "{}," * 600_000 + "{}]"):
+        with pytest.raises(InputFileError, match="too large for a record"):
+            parse_json("a.json", many, "a record")
+        with pytest.raises(InputFileError, match="too large for a record"):
+            parse_json_stream("a.json", many, "a record")
+    with pytest.raises(InputFileError, match="parts of yaml"):
+        parse_yaml("a.yaml", "[" + "1," * 15_000 + "]", "a joint map")

@@ -1,12 +1,13 @@
 """Commands on terminals that lack characters."""
 
 import io
+import logging
 import subprocess
 import sys
 
 import pytest
 
-from cospeech.terminal import keep_printing
+from cospeech.terminal import Printable, keep_printing
 from tests.reporting.records import record
 
 NAME = "Münster, größer → ∞"
@@ -42,3 +43,11 @@ def test_a_c_locale_ends_no_command(setting, runs):
     assert done.returncode == 0, done.stderr
     assert rb"M\xfcnster" in done.stdout
     assert (runs / "report.html").is_file()
+
+
+def test_no_terminal_obeys_what_is_logged():
+    logged = logging.LogRecord(
+        "a", logging.WARNING, "", 0, "%s has %d", ("b\x1b]0;c\nerror: d", 3), None
+    )
+    assert Printable().filter(logged)
+    assert logged.getMessage() == "b\ufffd]0;c error: d has 3"

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+
+# Controls (a terminal obeys escape sequences), what turns the direction of all text that follows,
+# and halves of surrogate pairs, which no file can be written with. Line ends and tabs stay.
+_UNSHOWABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def plain(text: object) -> str:
+    """A text whose control characters, direction overrides and lone surrogates are U+FFFD."""
+    return _UNSHOWABLE.sub("\ufffd", str(text))
+
+
+def one_line(text: object) -> str:
+    """As `plain`, with line ends and tabs as spaces."""
+    return re.sub(r"[\n\t\u2028\u2029]", " ", plain(text))
 
 
 class CospeechError(Exception):
     """Base of every error whose message is written for the person at the keyboard.
 
-    Command lines print it without a traceback.
+    Command lines print it without a traceback, and no terminal obeys what it quotes.
 
     Args:
         problem: What is wrong, in one or two sentences.
@@ -16,8 +31,8 @@ class CospeechError(Exception):
     """
 
     def __init__(self, problem: str, hint: str | None = None) -> None:
-        self.problem = problem
-        self.hint = hint
+        self.problem = problem = plain(problem)
+        self.hint = hint = None if hint is None else plain(hint)
         super().__init__(problem if hint is None else f"{problem}\n  -> {hint}")
 
 
@@ -36,7 +51,8 @@ class InputFileError(CospeechError):
     ) -> None:
         self.path = Path(path)
         self.place = place
-        where = str(path) if place is None else f"{path}, {place}"
+        # A line end in a file's name would begin a line that seems ours.
+        where = one_line(path if place is None else f"{path}, {place}")
         super().__init__(f"{where}: {problem}", hint)
 
 

@@ -24,7 +24,13 @@ from cospeech.errors import CospeechError, InputFileError
 MOST_JSON_BYTES = 32 * 2**20
 """Python's objects take up to some 25 times the bytes of their JSON."""
 
+MOST_JSON_CONTAINERS = 500_000
+"""Brackets and braces that open, in texts too: empty lists take fifty times their bytes."""
+
 MOST_YAML_BYTES = 2**18
+MOST_YAML_TOKENS = 20_000
+"""Each takes some 30 to 60 microseconds to read."""
+
 MOST_DIGITS = 30
 """No number that a file of ours or of a user's needs is longer; Python's integers have no end."""
 
@@ -114,8 +120,10 @@ def parse_json(path: str | Path, text: str, what: str, hint: str | None = None) 
     Half a surrogate pair, which no file can be written with, becomes U+FFFD.
 
     Raises:
-        InputFileError: No JSON, nested too deep, or a number of more than `MOST_DIGITS` digits.
+        InputFileError: No JSON, too much of it, nested too deep, or a number of more than
+            `MOST_DIGITS` digits.
     """
+    _require_few_containers(path, text, what, hint)
     decoder = _decoder(text)
     try:
         values = decoder.decode(text)
@@ -130,6 +138,7 @@ def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None =
     Raises:
         InputFileError: As `parse_json`, or more than `MOST_DOCUMENTS`.
     """
+    _require_few_containers(path, text, what, hint)
     decoder = _decoder(text)
     documents: list[Any] = []
     place = _NOT_BLANK.search(text)
@@ -144,6 +153,12 @@ def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None =
         documents.append(document)
         place = _NOT_BLANK.search(text, end)
     return _without_surrogates(documents) if _SURROGATE_ESCAPE.search(text) else documents
+
+
+def _require_few_containers(path: str | Path, text: str, what: str, hint: str | None) -> None:
+    if text.count("[") + text.count("{") > MOST_JSON_CONTAINERS:
+        problem = f"too large for {what} (over {MOST_JSON_CONTAINERS} lists and objects)"
+        raise InputFileError(path, problem, hint=hint)
 
 
 def _decoder(text: str) -> json.JSONDecoder:
@@ -180,8 +195,8 @@ def parse_yaml(path: str | Path, text: str, what: str, hint: str | None = None) 
     of entries.
 
     Raises:
-        InputFileError: No yaml, with aliases, tags or dates, nested too deep, or a number of more
-            than `MOST_DIGITS` digits.
+        InputFileError: No yaml, with aliases, tags or dates, too much of it, nested too deep, or a
+            number of more than `MOST_DIGITS` digits.
     """
     try:
         _require_plain(path, text, hint)
@@ -248,7 +263,9 @@ _CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndTo
 
 def _require_plain(path: str | Path, text: str, hint: str | None) -> None:
     depth = 0
-    for token in yaml.scan(text):
+    for count, token in enumerate(yaml.scan(text)):
+        if count == MOST_YAML_TOKENS:
+            raise InputFileError(path, f"has more than {MOST_YAML_TOKENS} parts of yaml", hint=hint)
         depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
         place = f"line {token.start_mark.line + 1}"
         if isinstance(token, yaml.AliasToken):

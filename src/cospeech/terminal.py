@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import sys
 from collections.abc import Callable
 from typing import Any
+
+from cospeech.errors import one_line, plain
 
 
 class _KeepsGoing(io.FileIO):
@@ -17,6 +20,23 @@ class _KeepsGoing(io.FileIO):
             return super().write(data)
         except OSError:
             return memoryview(data).nbytes
+
+
+class Printable(logging.Filter):
+    """Texts in what is logged are shown, never obeyed; those that are filled in keep to a line."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Change the record's texts; none is left out."""
+        if isinstance(record.args, tuple):
+            record.args = tuple(_shown(value) for value in record.args)
+        record.msg = plain(record.msg) if isinstance(record.msg, str) else record.msg
+        return True
+
+
+def _shown(value: object) -> object:
+    if isinstance(value, str | os.PathLike):
+        return one_line(value)
+    return plain(value) if isinstance(value, Exception) else value
 
 
 def keep_printing() -> None:

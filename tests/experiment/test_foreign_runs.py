@@ -193,6 +193,16 @@ def test_no_way_in_through_the_settings_in_a_checkpoint(what, outputs, foreign, 
         assert told in str(caught.value)
 
 
+def test_no_database_is_fitted_where_a_checkpoint_says(outputs):
+    run = outputs.run("knn", below="fits")
+    with command("generate"):
+        model = open_run(run, "last").load()
+        with pytest.raises(CospeechError, match="the prepared corpus is gone"):
+            _ = model.database
+        with pytest.raises(CospeechError, match="chunk_frames"):
+            open_run(run, "last").load(chunk_frames=10**12)
+
+
 def _load_with_huge_numbers(model: str, run: Path, told) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (6 * 2**30,) * 2)
     path = run / "checkpoints" / "best.ckpt"

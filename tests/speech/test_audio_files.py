@@ -1,13 +1,14 @@
 """Reading and writing recordings: formats, rates, channels, and files that are no good."""
 
 import logging
+import os
 
 import numpy as np
 import pytest
 import soundfile
 
 from cospeech.errors import InputFileError
-from cospeech.speech.audio import load_audio, save_wav
+from cospeech.speech.audio import audio_seconds, load_audio, save_wav
 
 
 def sine(rate, seconds=1.0, hz=440.0, level=0.5):
@@ -186,3 +187,9 @@ def test_real_recordings_have_their_known_lengths(shared):
         waveform = load_audio(speech / name)
         assert len(waveform) / 16000 == pytest.approx(expected, abs=0.006)
         assert 0.05 < np.abs(waveform).max() <= 1.0
+
+
+def test_a_pipe_has_no_length(tmp_path):
+    os.mkfifo(tmp_path / "a.wav")  # whose opening would wait for a writer for ever
+    with pytest.raises(InputFileError, match="is not a file"):
+        audio_seconds(tmp_path / "a.wav")

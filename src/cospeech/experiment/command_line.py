@@ -26,7 +26,7 @@ from cospeech.experiment.help import help_text
 from cospeech.experiment.leftovers import remove_leftovers
 from cospeech.experiment.settings import refuse_unknown_settings
 from cospeech.experiment.typed import Command, check_typed
-from cospeech.terminal import keep_printing
+from cospeech.terminal import Printable, keep_printing
 
 _SAYS_NOTHING = (
     ".*LeafSpec.*",
@@ -99,6 +99,8 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         warnings.filterwarnings("ignore", message=message)
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     torch.set_float32_matmul_precision("high")
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(Printable())
     for handler in _log_files():
         # Hydra opens it in the terminal's encoding, which may know no letter of a path.
         cast(TextIOWrapper, handler.stream).reconfigure(encoding="utf-8", errors="backslashreplace")

@@ -37,6 +37,8 @@ from cospeech.nn.weights_file import filled, read_checkpoint
 from cospeech.reporting.record import load_record
 
 CHECKPOINTS = ("best", "last")
+NO_CORPUS = "/dev/null/no prepared corpus"
+"""A path at which nothing can lie."""
 
 _ANOTHER_RUN = "give the folder of a finished run, e.g. outputs/runs/ID"
 _NAMES = ("id", "status", "model", "data", "ablation")
@@ -90,8 +92,8 @@ class FinishedRun:
         """The trained method, on the CPU and ready to be asked.
 
         Args:
-            store: The corpus, where there is one: its folder replaces the one that the checkpoint
-                names.
+            store: The corpus, one of the user's. Without one the method has none, whatever folder
+                the checkpoint names.
             given: Arguments of the constructor in the place of the checkpoint's.
 
         Raises:
@@ -129,9 +131,10 @@ class FinishedRun:
     ) -> GestureMethod:
         arguments = dict(content["hyper_parameters"])
         require_arguments(self.method, arguments, "hyper_parameters")
-        if store is not None:
-            facts = {**arguments["corpus"], "store": str(store.path.absolute())}
-            arguments["corpus"] = facts
+        if "corpus" in arguments:
+            # Never the folder that the checkpoint names, where a database would be fitted.
+            folder = NO_CORPUS if store is None else str(store.path.absolute())
+            arguments["corpus"] = {**arguments["corpus"], "store": folder}
         arguments |= given
         state: dict[str, Tensor] = content["state_dict"]
         with _not_many_more_weights_than(len(state)):

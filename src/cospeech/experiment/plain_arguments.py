@@ -26,7 +26,7 @@ def require_plain(value: Any, where: str) -> None:
     """
     if isinstance(value, Mapping):
         for key, item in value.items():
-            if not isinstance(key, str) or key.startswith("_"):
+            if not isinstance(key, str) or key.startswith("_") or "${" in key:
                 raise CospeechError(f"{where} has the key {_shown(key)}, which is no setting")
             require_plain(item, f"{where}.{key if key.isidentifier() else _shown(key)}")
     elif isinstance(value, list | tuple):

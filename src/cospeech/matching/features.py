@@ -20,6 +20,10 @@ SMALLEST_DEVIATION = 1e-8
 """Added to deviations: a dimension that never changes counts nothing."""
 
 
+MOST_FRAMES = 100_000
+"""Of a sequence of a database or a feature; two hours at 15 fps."""
+
+
 @dataclass(frozen=True)
 class MatchingSpec:
     """How a database is cut and what a feature is made of; the published values by default.
@@ -35,7 +39,7 @@ class MatchingSpec:
             published: the features of a sequence's last frames are then partly made up.
 
     Raises:
-        ConfigError: A length below 1.
+        ConfigError: A length below 1 or above `MOST_FRAMES`.
     """
 
     fps: float = 15.0
@@ -47,8 +51,8 @@ class MatchingSpec:
 
     def __post_init__(self) -> None:
         for name in ("chunk_frames", "pose_taps", "audio_taps", "tap_spacing"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name}={getattr(self, name)}: must be at least 1")
+            if not 1 <= getattr(self, name) <= MOST_FRAMES:
+                raise ConfigError(f"{name}={getattr(self, name)}: must be 1 to {MOST_FRAMES}")
 
     def reach(self, taps: int) -> int:
         """Frames from the first tap to the last."""

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import io
 import os
-import pickletools
 import zipfile
-from _compat_pickle import IMPORT_MAPPING, NAME_MAPPING
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from cospeech.errors import InputFileError
 from cospeech.foreign import understood
+from cospeech.nn.pickle_opcodes import Claim, Walk
 
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_CHECKPOINT_BYTES = 8 * 2**30
@@ -25,6 +24,13 @@ DEEPEST = 30
 MOST_SHARING = 4
 """Tensors may share storage, as tied weights do: their sizes add up to this many times the file's
 bytes at most."""
+
+_ITEM_BYTES = {
+    f"{kind.__module__}.{kind.__name__}": dtype.itemsize
+    for kind in torch._storage_classes
+    if isinstance(dtype := getattr(kind, "dtype", None), torch.dtype)
+} | {"torch.storage.UntypedStorage": 1}
+"""Of the storages that a file may have, by name."""
 
 _KNOWN = {
     "collections.OrderedDict",
@@ -69,7 +75,7 @@ def read_weights(
 ) -> dict[str, Any]:
     """Read what `write_weights` or `torch.save` wrote, on the CPU; nothing that it names runs.
 
-    Time and memory follow the file's size, whatever it claims. Checksums are compared, so that a
+    Time and memory are bounded, whatever the file claims. Checksums are compared, so that a
     changed byte is found.
 
     Args:
@@ -171,15 +177,23 @@ def _is_zip(path: Path) -> bool:
         return file.read(4) == b"PK\x03\x04"
 
 
-def _names_in(file: Path | IO[bytes]) -> set[str]:
+def _names_in(file: Path | io.BytesIO) -> set[str]:
     """Classes and functions that a file refers to.
 
-    Before torch 1.6 these were bare bytes: a magic number, a protocol, facts of the system, and
-    the values, each a pickle.
+    Before torch 1.6 these were bare bytes: a magic number, a protocol, facts of the system, the
+    values and the keys of storages, each a pickle.
+
+    Raises:
+        ValueError: It isn't whole, claims more than it has, or takes far more to load.
     """
     if isinstance(file, Path):
         return _zipped_names(file)
-    return set().union(*(_names(file) for _ in range(4)))
+    size = len(file.getbuffer())
+    walks = [Walk(file) for _ in range(5)]
+    claims = {claim.key: claim for walk in walks for claim in walk.claims}
+    if sum(map(_claimed_bytes, claims.values())) > size:
+        raise ValueError(f"its tensors claim more than the {size} bytes that it has")
+    return set().union(*(walk.names for walk in walks))
 
 
 def _zipped_names(path: Path) -> set[str]:
@@ -190,32 +204,31 @@ def _zipped_names(path: Path) -> set[str]:
     """
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
-        names = [entry.filename for entry in entries]
+        # torch tells no capitals apart.
+        sizes = {entry.filename.lower(): entry.file_size for entry in entries}
         # torch never compresses, and entries may lie over one another.
         if sum(entry.file_size for entry in entries) > path.stat().st_size:
             raise ValueError("it unpacks to more than its size")
-        if len(set(names)) < len(names):
+        if len(sizes) < len(entries):
             raise ValueError("two of its parts have the same name")
         if (damaged := archive.testzip()) is not None:
             raise ValueError(f"the checksum of its part {damaged[:100]!r} is wrong")
-        pickles = [name for name in names if name.endswith("data.pkl")]
+        pickles = [entry.filename for entry in entries if entry.filename.endswith("data.pkl")]
         if len(pickles) != 1:
             raise ValueError(f"{len(pickles)} parts are called data.pkl")
-        with archive.open(pickles[0]) as file:
-            return _names(file)
+        # As torch's own reader finds it, which may read a zip's directory in another way.
+        walk = Walk(io.BytesIO(torch._C.PyTorchFileReader(str(path)).get_record("data.pkl")))
+    for claim in walk.claims:
+        part = sizes.get(f"{pickles[0].removesuffix('.pkl')}/{claim.key}".lower(), 0)
+        if _claimed_bytes(claim) > part:
+            raise ValueError(f"its tensors claim more than the {part} bytes of a part")
+    return walk.names
 
 
-def _names(file: IO[bytes]) -> set[str]:
-    """Names in one pickle; nothing of it runs."""
-    names = set()
-    for opcode, argument, _ in pickletools.genops(file):
-        if opcode.name == "GLOBAL":
-            module, _, name = str(argument).partition(" ")
-            module, name = NAME_MAPPING.get(
-                (module, name), (IMPORT_MAPPING.get(module, module), name)
-            )
-            names.add(f"{module}.{name}")
-    return names
+def _claimed_bytes(claim: Claim) -> int:
+    if claim.kind not in _ITEM_BYTES or claim.numbers < 0:
+        raise ValueError(f"it has a storage of an unusual kind ({claim.kind[:60]})")
+    return claim.numbers * _ITEM_BYTES[claim.kind]
 
 
 def _require_bounded(content: Any, size: int, objects: tuple[type, ...]) -> None:

@@ -104,6 +104,8 @@ def audio_seconds(path: str | Path) -> float:
     Raises:
         InputFileError: As `read_audio`.
     """
+    with understood(path, "audio", hint="check the file, or convert it to wav"):
+        _check_is_file(Path(path))  # a pipe would never end
     try:
         header = soundfile.info(str(path))
         if 0 < header.frames < UNKNOWN_FRAMES and header.samplerate in _RATES_HZ:
