@@ -158,24 +158,26 @@ class Wants:
 
 
 def test_which_databases_are_taken(fixture, tmp_path):
+    folder = tmp_path / "databases"
+    folder.mkdir()
     for name in ("lmdb_train", "lmdb_val_cache", "lmdb_expressive"):
-        (tmp_path / name).symlink_to(fixture / name)
-    assert [s.id.split("/")[0] for s in find_ted_sources(tmp_path)] == [
+        (folder / name).symlink_to(fixture / name)
+    assert [s.id.split("/")[0] for s in find_ted_sources(folder)] == [
         *["lmdb_train"] * 3,
         "lmdb_val_cache",
     ]
-    (tmp_path / "lmdb_val").symlink_to(fixture / "lmdb_val")
-    assert find_ted_sources(tmp_path)[-1].id == "lmdb_val/0000000001"
+    (folder / "lmdb_val").symlink_to(fixture / "lmdb_val")
+    assert find_ted_sources(folder)[-1].id == "lmdb_val/0000000001"
     with pytest.raises(ConfigError, match=r"data\.kind=videos: choose one of auto, video, cache"):
-        find_ted_sources(tmp_path, kind="videos")
+        find_ted_sources(folder, kind="videos")
     with pytest.raises(CospeechError, match=r"looked for lmdb_train/data\.mdb") as caught:
-        find_ted_sources(tmp_path.parent)
+        find_ted_sources(tmp_path)
     assert "lmdb_train_cache/data.mdb" in str(caught.value)
-    assert f"set data.root to its subfolder {tmp_path.name}" in caught.value.hint
+    assert f"set data.root to its subfolder {folder.name}" in caught.value.hint
     with pytest.raises(CospeechError, match="nowhere is not a folder"):
-        find_ted_sources(tmp_path / "nowhere")
+        find_ted_sources(folder / "nowhere")
     with pytest.raises(CospeechError, match=r"is itself a database: set data\.root to the folder"):
-        find_ted_sources(tmp_path / "lmdb_train")
+        find_ted_sources(folder / "lmdb_train")
 
 
 def test_a_database_of_the_other_kind_is_named(fixture):

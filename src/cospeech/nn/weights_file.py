@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import warnings
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -25,11 +26,13 @@ MOST_SHARING = 4
 """Tensors may share storage, as tied weights do: their sizes add up to this many times the file's
 bytes at most."""
 
-_ITEM_BYTES = {
-    f"{kind.__module__}.{kind.__name__}": dtype.itemsize
-    for kind in torch._storage_classes
-    if isinstance(dtype := getattr(kind, "dtype", None), torch.dtype)
-} | {"torch.storage.UntypedStorage": 1}
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # that typed storages, which every file names, are deprecated
+    _ITEM_BYTES = {
+        f"{kind.__module__}.{kind.__name__}": dtype.itemsize
+        for kind in torch._storage_classes
+        if isinstance(dtype := getattr(kind, "dtype", None), torch.dtype)
+    } | {"torch.storage.UntypedStorage": 1}
 """Of the storages that a file may have, by name."""
 
 _KNOWN = {
