@@ -12,7 +12,8 @@ from tests.doctor.test_doctor_gate import put_take
 SCRIPT = """
 import sys
 import hydra
-from cospeech.experiment import command_line, prepare
+from cospeech.experiment import prepare
+from cospeech.experiment.command_line import command_line
 from cospeech.formats.mocap import reading
 
 read_bvh = reading.read_bvh
