@@ -38,10 +38,10 @@ def test_our_own_errors_and_a_stop_by_the_user_come_out_as_they_are() -> None:
 
 
 def test_files_that_never_end_and_long_ones_are_refused(tmp_path) -> None:
-    with pytest.raises(InputFileError, match="is not a file"):
+    with pytest.raises(InputFileError, match="it is not a file"):
         read_bytes("/dev/zero", "a record", 10)
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputFileError, match="is not a file"):
+    with pytest.raises(InputFileError, match="it is not a file"):
         read_bytes(tmp_path / "pipe", "a record", 10)
     (tmp_path / "long").write_bytes(b"x" * 11)
     with pytest.raises(InputFileError, match="too long for a record"):

@@ -75,6 +75,16 @@ def understood(path: str | Path, what: str, hint: str | None = None) -> Iterator
         raise InputFileError(path, f"is damaged, or not {what} ({told})", hint=hint) from error
 
 
+def require_no_pipe(path: Path, hint: str | None = None) -> None:
+    """Refuse what would never end, or keep its reader waiting: pipes, devices, folders.
+
+    Raises:
+        InputFileError: It is one of these. A file that is absent is left to its reader.
+    """
+    if path.exists() and not path.is_file():
+        raise InputFileError(path, "can't be read: it is not a file", hint=hint)
+
+
 def read_bytes(path: str | Path, what: str, most_bytes: int, hint: str | None = None) -> bytes:
     """A whole file, refused when it is longer than anything of its kind is.
 
@@ -89,8 +99,7 @@ def read_bytes(path: str | Path, what: str, most_bytes: int, hint: str | None = 
     """
     path = Path(path)
     with understood(path, what, hint):
-        if path.exists() and not path.is_file():  # a pipe or a device would never end
-            raise InputFileError(path, "is not a file", hint=hint)
+        require_no_pipe(path, hint)
         with path.open("rb") as file:
             # `read` takes memory for as much as it is asked for.
             data = file.read(min(os.fstat(file.fileno()).st_size, most_bytes) + 1)

@@ -92,6 +92,7 @@ WAYS = {
     "another name of the same kind": ("data", "_target_", "data_modules.mocap.MocapData"),
     "an unknown argument of the corpus": ("data", "command", f"touch {CANARY}"),
     "a path in the place of a number": ("metrics", "encoder_epochs", "../../../canary"),
+    "a terminal's command in the place of a number": ("data", "minutes", "\x1b[2J\nerror: fake"),
 }
 
 

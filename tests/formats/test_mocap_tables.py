@@ -1,6 +1,7 @@
 """Tables beside a corpus: csv as users have it, and splits given as a file."""
 
 import contextlib
+import os
 
 import pytest
 from hypothesis import given, settings
@@ -41,7 +42,7 @@ def test_rows_know_their_line_and_columns_their_names(tmp_path):
         (b"a,b\0c\n", "holds NUL"),
         (b"a,\xff\xfe\n", "is not UTF-8"),
         (b"a," + b"x" * 200_000 + b"\n", "is not a csv table"),
-        (b"a,b\n" * 1_500_000, "larger than 4 MiB"),
+        (b"a,b\n" * 1_500_000, "too long for a table"),
     ],
 )
 def test_hostile_tables_are_refused(tmp_path, content, message):
@@ -123,3 +124,9 @@ def test_whatever_a_table_holds_it_is_read_or_refused(tmp_path_factory, content)
     for read in (read_table, read_split_list, read_offsets):
         with contextlib.suppress(InputFileError):
             read(path)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "t.csv")
+    with pytest.raises(InputFileError, match="it is not a file"):
+        read_table(tmp_path / "t.csv")

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from hydra.utils import get_class
 from lightning import LightningModule
@@ -248,6 +248,7 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
     for name, known in (("model", argument_names(method)), ("data", list(data.values))):
         require_plain(config[name], f"config.{name}")
         require_known(list(config[name]), known, f"config.{name}")
+    require_types(config["data"], get_type_hints(get_class(data.target)), "config.data")
     for part in ("metrics", "training", "choices"):
         require_plain(config[part], f"config.{part}")
     require_known(list(config["metrics"]), list(_METRICS), "config.metrics")

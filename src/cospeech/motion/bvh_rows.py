@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
-from cospeech.foreign import understood
+from cospeech.foreign import require_no_pipe, understood
 from cospeech.motion.bvh_hierarchy import Hierarchy
 
 MAX_FILE_BYTES = 2**30
@@ -84,8 +84,7 @@ def opened(source: str | Path | TextIO) -> Iterator[BvhText]:
     if isinstance(source, str | Path):
         path = Path(source)
         with understood(path, "a BVH file", "check the path"):
-            if path.exists() and not path.is_file():
-                raise InputFileError(path, "can't be read: it is not a file", hint="check the path")
+            require_no_pipe(path, "check the path")
             with path.open("rb") as file:
                 _refuse_large(path, os.fstat(file.fileno()).st_size)
                 yield BvhText(path, file)

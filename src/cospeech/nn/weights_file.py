@@ -97,7 +97,8 @@ def read_weights(
     path = Path(path)
     if not path.is_file():
         raise InputFileError(path, f"no such {kind} file", hint=hint)
-    with understood(path, f"a {kind} file that can be read safely", hint):
+    article = "an" if kind[0] in "aeiou" else "a"
+    with understood(path, f"{article} {kind} file that can be read safely", hint):
         size = path.stat().st_size
         if not size:
             raise InputFileError(path, "is empty", hint=hint)

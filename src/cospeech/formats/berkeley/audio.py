@@ -22,6 +22,7 @@ import soxr
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import require_no_pipe
 from cospeech.formats.berkeley.layout import parse_time, video_stem
 from cospeech.speech.speech import SAMPLE_RATE
 
@@ -86,6 +87,7 @@ def read_audio(audio: AudioFile, start: float, duration: float) -> tuple[NDArray
     waveform = np.zeros(wanted, dtype=np.float32)
     # The resampler needs some sound on both sides, or the piece's edges would ring.
     begin = max(0.0, start - audio.start - _MARGIN_S)
+    require_no_pipe(audio.path)
     try:
         with soundfile.SoundFile(audio.path) as file:
             rate = file.samplerate

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.foreign import read_bytes, understood
+from cospeech.foreign import read_bytes, require_no_pipe, understood
 
 MAX_LINE_BYTES = 2**16
 MAX_ROW_LINES = 16
@@ -89,6 +89,7 @@ def index_rows(path: Path, required: Sequence[str]) -> RowIndex:
         InputFileError: It can't be read, lacks a column, or isn't a table of intervals.
     """
     with understood(path, "a table of intervals"):
+        require_no_pipe(path)
         state = path.stat()
         return _indexed(path, tuple(required), state.st_mtime_ns, state.st_size)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import read_bytes
 
 MAX_TABLE_BYTES = 2**22
 
@@ -34,15 +35,8 @@ def read_table(path: str | Path) -> list[Row]:
         InputFileError: The file is absent, larger than 4 MiB, empty or no text table.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_TABLE_BYTES + 1)
-    except OSError as error:
-        raise InputFileError(
-            path, f"can't be read ({error.strerror})", hint="check the path"
-        ) from error
-    if len(raw) > MAX_TABLE_BYTES:
-        raise InputFileError(path, "is larger than 4 MiB", hint="a table has a line per recording")
+    hint = "give a table with a line per recording"
+    raw = read_bytes(path, "a table", MAX_TABLE_BYTES, hint)
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
