@@ -191,7 +191,7 @@ class StoreDataModule(LightningDataModule):
     def _build(
         self, path: Path, parameters: dict[str, Any], fingerprint: str, reading: str
     ) -> None:
-        joint_map, limit = self.evaluation_joints(), self.max_recordings
+        limit = self.max_recordings
         for other in path.parent.glob(f"{self.corpus_name}-{reading[:10]}-*/manifest.json"):
             logger.info("%s has the same recordings: they are split anew", other.parent)
             store = Store(other.parent)
@@ -203,7 +203,6 @@ class StoreDataModule(LightningDataModule):
             self.corpus_name,
             parameters,
             fingerprint,
-            joint_map,
             self.upper_body,
             reading,
             path.with_name(f".{self.corpus_name}-{reading[:10]}.building"),
@@ -214,7 +213,7 @@ class StoreDataModule(LightningDataModule):
             workers = self.workers or sensible_workers(remaining)
             if limit is not None:
                 workers = 1  # sources read ahead would be read for nothing
-            packed = packed_sources(remaining, joint_map, self.upper_body, workers)
+            packed = packed_sources(remaining, self.upper_body, workers)
             total = None if limit is not None else len(self.sources)
             bar = progress_bar(packed, total, f"preparing {self.corpus_name}", done)
             # Closed at once where an error stops it, or the processes would read on.

@@ -103,7 +103,7 @@ class MocapCorpus(StoreDataModule):
             phase_tier=self.phase_tier,
             phase_labels=self.phase_labels,
         )
-        return [examined_source(source, self.evaluation_joints()) for source in sources]
+        return [examined_source(source) for source in sources]
 
     def settings(self) -> dict[str, Any]:
         """The corpus's own settings; what tables and joint maps say is known by themselves."""

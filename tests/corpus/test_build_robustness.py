@@ -44,7 +44,7 @@ def test_a_build_without_a_recording_is_not_gone_on_with(tmp_path):
     """Its sources are read again: what was missing may have been installed since."""
     source = Source("s", unreadable, ())
     with StoreWriter(tmp_path / "s", "made", {}, "f") as writer:
-        writer.append(pack_source(source, None, True))
+        writer.append(pack_source(source, True))
         with pytest.raises(CospeechError, match="install the codec"):
             writer.columns()["frames"]
     assert not list(tmp_path.iterdir())
@@ -65,14 +65,14 @@ def test_a_folder_in_the_way_does_not_cost_the_build(tmp_path):
 def test_a_reader_that_is_killed_is_an_error_with_a_way_out():
     sources = [Source(f"s{i}", killed, ()) for i in range(12)]
     with pytest.raises(CospeechError, match=r"was killed(.|\n)*workers=1"):
-        list(packed_sources(sources, None, True, workers=2))
+        list(packed_sources(sources, True, workers=2))
 
 
 def test_a_reader_that_is_killed_between_two_sources_is_the_same_error():
     """The pool is found broken when it is given more, not when it is asked for a result."""
     sources = [Source(str(i), nothing, ()) for i in range(4)]
     sources += [Source(f"s{i}", killed, ()) for i in range(8)]
-    packed = packed_sources(sources, None, True, workers=2)
+    packed = packed_sources(sources, True, workers=2)
     found = [next(packed).id]  # asking for the next one hands out the first that kills
     time.sleep(2)
     with pytest.raises(CospeechError, match="was killed"):
@@ -93,7 +93,7 @@ def test_readers_end_with_a_parent_that_was_killed(tmp_path):
         "if __name__ == '__main__':\n"
         "    folder = sys.argv[1]\n"
         "    sources = [Source(str(i), functools.partial(read, folder), ()) for i in range(4)]\n"
-        "    for _ in packed_sources(sources, None, True, 2):\n"
+        "    for _ in packed_sources(sources, True, 2):\n"
         "        time.sleep(60)\n"
     )
     parent = subprocess.Popen([sys.executable, str(script), str(tmp_path)])

@@ -60,7 +60,7 @@ def contents(path):
 
 @pytest.fixture(scope="module")
 def packed():
-    return [pack_source(source, None, True) for source in sources()]
+    return [pack_source(source, True) for source in sources()]
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def whole(packed, tmp_path_factory):
 
 
 def test_processes_give_the_same_bytes_in_the_same_order(tmp_path, whole):
-    several = packed_sources(sources(), None, True, workers=3)
+    several = packed_sources(sources(), True, workers=3)
     assert contents(build(tmp_path / "s", several).path) == whole
 
 
@@ -138,7 +138,7 @@ def test_a_source_that_cannot_be_read_is_noted_and_the_next_one_read(tmp_path):
     broken = Source("bad", read_broken, ())
     store = build(
         tmp_path / "s",
-        packed_sources([sources()[0], broken, sources()[1]], None, True, workers=2),
+        packed_sources([sources()[0], broken, sources()[1]], True, workers=2),
     )
     (fault,) = [item for item in store.manifest["skipped"] if item["is_fault"]]
     assert (fault["id"], fault["kind"]) == ("bad", "unreadable")
@@ -168,7 +168,7 @@ def test_words_of_a_recording_that_cannot_be_used_are_in_the_vocabulary():
         recording.motion.positions[3, 2, 1] = np.nan
         yield recording
 
-    packed = pack_source(Source("bad", read, ()), None, True)
+    packed = pack_source(Source("bad", read, ()), True)
     assert packed.texts == ["lost"]
     assert packed.faults[0].reason.startswith("recording bad: NaN")
 

@@ -34,7 +34,7 @@ def source(read, *arguments, name="s"):
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("by nought"), MemoryError(), KeyError("k")])
 def test_it_drops_the_rest_of_the_source_with_type_message_and_place(error):
-    packed = pack_source(source(read_and_fail, error), None, True)
+    packed = pack_source(source(read_and_fail, error), True)
     assert [one.facts["id"] for one in packed.recordings] == ["before"]
     (fault,) = packed.faults
     assert fault.id == "s"
@@ -45,24 +45,24 @@ def test_it_drops_the_rest_of_the_source_with_type_message_and_place(error):
 
 
 def test_endless_recursion_counts():
-    (fault,) = pack_source(source(read_endlessly), None, True).faults
+    (fault,) = pack_source(source(read_endlessly), True).faults
     assert fault.reason.startswith("unexpected RecursionError: maximum recursion")
 
 
 def test_ctrl_c_is_no_fault():
     with pytest.raises(KeyboardInterrupt):
-        pack_source(source(read_and_fail, KeyboardInterrupt()), None, True)
+        pack_source(source(read_and_fail, KeyboardInterrupt()), True)
 
 
 def test_the_place_is_ours_where_a_library_raised():
-    (fault,) = pack_source(source(spread_text, 5, 0.0, 1.0), None, True).faults
+    (fault,) = pack_source(source(spread_text, 5, 0.0, 1.0), True).faults
     assert re.search(r"unexpected \w+Error: .*\(spreading\.py, line \d+\)", fault.reason)
 
 
 def test_an_error_that_was_foreseen_is_told_as_it_is():
     error = CospeechError("no header", "add one")
     assert explained(error) is error
-    (fault,) = pack_source(source(read_and_fail, error), None, True).faults
+    (fault,) = pack_source(source(read_and_fail, error), True).faults
     assert (fault.reason, fault.trace) == (str(error), "")
 
 
@@ -77,7 +77,7 @@ def test_a_recording_that_breaks_the_packing_costs_itself(monkeypatch):
         return 1 / 0 if recording.id == "one" else real(recording, *arguments)
 
     monkeypatch.setattr(packing, "pack", pack)
-    packed = pack_source(source(read), None, True)
+    packed = pack_source(source(read), True)
     assert [one.facts["id"] for one in packed.recordings] == ["two"]
     assert [(one.id, one.kind) for one in packed.dropped] == [("one", "unusable motion")]
 
@@ -89,7 +89,7 @@ def test_the_corpus_goes_on_and_the_traceback_is_logged(caplog, workers):
         source(read_one, name="good"),
     ]
     with caplog.at_level(logging.DEBUG, "cospeech"):
-        bad, good = packed_sources(sources, None, True, workers)
+        bad, good = packed_sources(sources, True, workers)
     assert [one.id for one in bad.faults] == ["bad"]
     assert len(good.recordings) == 1
     (record,) = [record for record in caplog.records if "bad" in record.getMessage()]

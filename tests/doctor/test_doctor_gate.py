@@ -182,6 +182,6 @@ def test_motion_without_audio_is_told_of_in_the_words_of_prepare(folder, tmp_pat
     checkup = check_path(tmp_path)
     (finding,) = [f for f in checkup.findings if f.check is Check.MISSING]
     (source,) = [one for one in module(tmp_path, tmp_path).sources if one.id == "t"]
-    (fault,) = pack_source(source, None, True).faults
+    (fault,) = pack_source(source, True).faults
     assert finding.problem in fault.reason
     assert "no t.wav/.flac/.ogg/.mp3 for t.bvh; audio found: u.wav" in finding.problem

@@ -292,7 +292,7 @@ def test_words_of_what_gives_no_window_are_in_the_vocabulary_in_their_place(tmp_
     ):
         values = [(i, {"vid": f"{name}{i}", "clips": [clip]}) for i, clip in enumerate(clips)]
         write_values(tmp_path / "raw" / name, iter(values))
-    packed = [pack_source(source, None, True) for source in find_ted_sources(tmp_path / "raw")]
+    packed = [pack_source(source, True) for source in find_ted_sources(tmp_path / "raw")]
     assert list(dict.fromkeys(text for source in packed for text in source.texts)) == [
         *[
             "one",

@@ -74,7 +74,7 @@ def corpus(folder, name):
         recordings.append(dataclasses.replace(made, motion=motion, licence=name, source=name))
     dropped = [Dropped(name, name, name), Dropped(name, name, name, is_fault=True)]
     with StoreWriter(folder / "s", name, {name: name}, "0" * 64, upper_body=False) as writer:
-        writer.append(pack_source(Source(name, lambda: [*recordings, *dropped], ()), None, False))
+        writer.append(pack_source(Source(name, lambda: [*recordings, *dropped], ()), False))
         frames = writer.columns()["frames"]
         splits = ("train", "val", "test")
         store = writer.finish({s: [Span(i, 0, frames[i])] for i, s in enumerate(splits)})

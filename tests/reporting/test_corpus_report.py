@@ -39,7 +39,7 @@ def store_of(folder, recordings, dropped=(), name="made", upper_body=True):
     parameters = {"root": "somewhere"}
     with StoreWriter(folder / "s", name, parameters, "0" * 64, upper_body=upper_body) as writer:
         source = Source("all", lambda: [*recordings, *dropped], ())
-        writer.append(pack_source(source, None, upper_body))
+        writer.append(pack_source(source, upper_body))
         frames = writer.columns()["frames"]
         names = ["train"] * (len(frames) - 2) + ["val", "test"]
         return writer.finish(

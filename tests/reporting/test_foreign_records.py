@@ -159,7 +159,7 @@ def test_links_and_pipes_are_not_read(good, tmp_path):
     collection, text, page = shown(good)
     assert [(p.parent.name, reason) for p, reason in collection.damaged] == [
         ("linked", "is a link, which is not followed"),
-        ("pipe", "is not a file"),
+        ("pipe", "can't be read: it is not a file"),
     ]
     assert len(collection.runs) == 1
     assert "secret" not in text.replace(str(tmp_path), "") + page.replace(str(tmp_path), "")

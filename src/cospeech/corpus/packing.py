@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Dropped, Source
 from cospeech.errors import CospeechError
-from cospeech.motion.joint_map import JointMap, find_joint_map
+from cospeech.motion.joint_map import find_joint_map
 from cospeech.motion.motion import resample_positions
 from cospeech.motion.upper_body import to_upper_body
 from cospeech.speech.speech import Speech, Word
@@ -85,14 +85,13 @@ class PackedSource:
         return [dropped for dropped in self.dropped if dropped.is_fault]
 
 
-def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) -> PackedSource:
+def pack_source(source: Source, upper_body: bool) -> PackedSource:
     """Read a source and pack its recordings; what can't be used is noted, never raised.
 
     Whatever error comes up, expected or not, costs the recording or the rest of the source.
 
     Args:
         source: The source.
-        joint_map: Where the evaluation joints are; found by the joints' names when None.
         upper_body: Whether the corpus has the ten evaluation joints.
     """
     recordings: list[PackedRecording] = []
@@ -105,7 +104,7 @@ def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) ->
                 texts |= dict.fromkeys(filter(None, map(normalise_word, item.words)))
                 continue
             try:
-                recordings.append(pack(item, joint_map, upper_body))
+                recordings.append(pack(item, upper_body))
             except Exception as error:
                 words = tuple(word.text for word in item.speech.words or ())
                 dropped.append(Dropped.fault(item.id, error, "unusable motion", words))
@@ -118,9 +117,7 @@ def pack_source(source: Source, joint_map: JointMap | None, upper_body: bool) ->
     return PackedSource(source.id, recordings, dropped, list(texts))
 
 
-def pack(
-    recording: Recording, joint_map: JointMap | None = None, upper_body: bool = True
-) -> PackedRecording:
+def pack(recording: Recording, upper_body: bool = True) -> PackedRecording:
     """Turn a recording into the store's streams.
 
     Raises:
@@ -149,7 +146,7 @@ def pack(
     }
     skeleton = motion.skeleton
     if upper_body:
-        chosen = joint_map or find_joint_map(skeleton)
+        chosen = find_joint_map(skeleton)
         skeleton = replace(skeleton, joint_map=chosen)
         upper = to_upper_body(motion, chosen).positions
         resampled = resample_positions(upper, motion.fps, EVALUATION_FPS)

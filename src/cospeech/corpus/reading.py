@@ -15,7 +15,6 @@ from pathlib import Path
 from cospeech.corpus.packing import PackedSource, pack_source
 from cospeech.corpus.source import Source
 from cospeech.errors import CospeechError
-from cospeech.motion.joint_map import JointMap
 from cospeech.processes import Processes
 
 logger = logging.getLogger(__name__)
@@ -54,7 +53,6 @@ def _sizes(path: Path) -> Iterator[int]:
 
 def packed_sources(
     sources: Iterable[Source],
-    joint_map: JointMap | None,
     upper_body: bool,
     workers: int,
 ) -> Generator[PackedSource]:
@@ -64,14 +62,13 @@ def packed_sources(
 
     Args:
         sources: What to read.
-        joint_map: Where the evaluation joints are; found by the joints' names when None.
         upper_body: Whether the corpus has the ten evaluation joints.
         workers: Processes; 1 reads in this one.
 
     Raises:
         CospeechError: A worker process died.
     """
-    with closing(_all_packed(sources, joint_map, upper_body, workers)) as every:
+    with closing(_all_packed(sources, upper_body, workers)) as every:
         for packed in every:
             for dropped in packed.faults:
                 if dropped.trace:
@@ -80,11 +77,11 @@ def packed_sources(
 
 
 def _all_packed(
-    sources: Iterable[Source], joint_map: JointMap | None, upper_body: bool, workers: int
+    sources: Iterable[Source], upper_body: bool, workers: int
 ) -> Generator[PackedSource]:
     if workers <= 1:
         for source in sources:
-            yield pack_source(source, joint_map, upper_body)
+            yield pack_source(source, upper_body)
         return
     pool = Processes(workers)
     remaining = iter(sources)
@@ -94,7 +91,7 @@ def _all_packed(
         while True:
             for source in islice(remaining, AHEAD * workers - len(waiting)):
                 source_id = waiting[0][0] if waiting else source.id
-                waiting.append((source.id, pool.submit(pack_source, source, joint_map, upper_body)))
+                waiting.append((source.id, pool.submit(pack_source, source, upper_body)))
             if not waiting:
                 return
             source_id, future = waiting.popleft()

@@ -31,7 +31,6 @@ from cospeech.corpus.split_facts import split_facts
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.errors import CospeechError
-from cospeech.motion.joint_map import JointMap
 from cospeech.speech.speech import SAMPLE_RATE
 from cospeech.speech.vocabulary import SPECIAL_TOKENS
 
@@ -51,8 +50,6 @@ class StoreWriter:
         reading: Hash of what the recordings depend on, the split apart: a build that was stopped
             goes on for another split, too. The fingerprint when None.
         building: Folder to build in; beside ``path`` when None.
-        joint_map: Where the evaluation joints are in every skeleton; found by the joints' names
-            when None.
         upper_body: Whether the corpus has the ten evaluation joints.
     """
 
@@ -62,7 +59,6 @@ class StoreWriter:
         name: str,
         parameters: dict[str, Any],
         fingerprint: str,
-        joint_map: JointMap | None = None,
         upper_body: bool = True,
         reading: str | None = None,
         building: Path | None = None,
@@ -70,7 +66,7 @@ class StoreWriter:
         self.path = path
         self._reading = reading or fingerprint
         self._building = building or path.with_name(f".{path.name}.building")
-        self.joint_map, self.has_upper_body = joint_map, upper_body
+        self.has_upper_body = upper_body
         self._meta = {"name": name, "parameters": parameters, "fingerprint": fingerprint}
         self._rows: dict[str, list[int]] = {stream: [] for stream in STREAMS}
         self._columns: dict[str, list[Any]] = {name: [] for name in RECORDING_FACTS}
@@ -159,7 +155,7 @@ class StoreWriter:
         Raises:
             CospeechError: The motion holds NaN, or its joints have no map to the upper body.
         """
-        packed = pack(recording, self.joint_map, self.has_upper_body)
+        packed = pack(recording, self.has_upper_body)
         texts = list(dict.fromkeys(packed.texts + packed.interlocutor_texts))
         self.append(PackedSource(recording.id, [packed], texts=texts))
 

@@ -11,7 +11,6 @@ from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import (
     EVALUATION_JOINTS,
     JointBlend,
-    JointMap,
     bare_names,
     find_joint_map,
 )
@@ -54,17 +53,16 @@ class Body:
     scale: float
 
 
-def find_body(motion: Motion, joint_map: JointMap | None = None) -> Body | None:
+def find_body(motion: Motion) -> Body | None:
     """The upper body of a motion; None where it has none (2-D, or no joint map fits).
 
     Args:
         motion: Three-dimensional and finite.
-        joint_map: Where the evaluation joints are; found by the joints' names when None.
     """
     if motion.dimensions != 3 or len(motion) == 0:
         return None
     try:
-        joint_map = find_joint_map(motion.skeleton) if joint_map is None else joint_map
+        joint_map = find_joint_map(motion.skeleton)
     except CospeechError:
         return None
     index = bare_names(motion.skeleton)

@@ -24,7 +24,6 @@ from cospeech.doctor.standstill import check_standstills, find_standstills
 from cospeech.doctor.stretches import word_intervals
 from cospeech.doctor.transcript import Doubt, check_transcript
 from cospeech.doctor.words import check_word_rate, check_words_end
-from cospeech.motion.joint_map import JointMap
 
 MOST_WORDS_SHARE = 2.0
 """Words that go on for longer than this share of the audio are not looked for in it: their times
@@ -70,23 +69,19 @@ class Examination:
     seconds: float
 
 
-def examine(
-    recording: Recording, files: Files | None = None, joint_map: JointMap | None = None
-) -> list[Finding]:
+def examine(recording: Recording, files: Files | None = None) -> list[Finding]:
     """Every check that needs no other recording.
 
     Args:
         recording: As a reader yields it.
         files: What its parts are called; its ``source``, else its id, when None.
-        joint_map: Where the evaluation joints are; found by the joints' names when None.
     """
-    return examine_closely(recording, files, joint_map).findings
+    return examine_closely(recording, files).findings
 
 
 def examine_closely(
     recording: Recording,
     files: Files | None = None,
-    joint_map: JointMap | None = None,
     lengths: Lengths | None = None,
     parts: tuple[tuple[str, float, float], ...] | None = None,
 ) -> Examination:
@@ -95,7 +90,6 @@ def examine_closely(
     Args:
         recording: As a reader yields it.
         files: What its parts are called.
-        joint_map: Where the evaluation joints are.
         lengths: Before the reader cut anything; those of the recording when None.
         parts: Split, first and last second of its parts; all of it in its published split when
             None.
@@ -112,7 +106,7 @@ def examine_closely(
     if has_audio and lengths is None:
         lengths = Lengths(motion.duration, speech.duration, motion.fps)
         findings += check_lengths(lengths, files)
-    findings += _examine_motion(recording, files, joint_map)
+    findings += _examine_motion(recording, files)
     doubt = None
     if has_audio:
         heard, doubt = _examine_speech(recording, files)
@@ -159,14 +153,12 @@ def _examine_speech(recording: Recording, files: Files) -> tuple[list[Finding], 
     return findings + words, doubt
 
 
-def _examine_motion(
-    recording: Recording, files: Files, joint_map: JointMap | None
-) -> list[Finding]:
+def _examine_motion(recording: Recording, files: Files) -> list[Finding]:
     motion = recording.motion
     findings = check_finite(motion, files)
     if findings:
         return findings
-    body = find_body(motion, joint_map)
+    body = find_body(motion)
     swaps = np.zeros(0, np.int64)
     if body is not None:
         units = check_units(body, files)
@@ -178,7 +170,7 @@ def _examine_motion(
         swaps = find_swaps(motion, body)
         findings += check_swaps(motion, swaps, files)
         if not vertical and len(swaps) == 0:
-            findings += check_sides(body, motion, joint_map, files)
+            findings += check_sides(body, motion, files)
     findings += check_picture(motion, files)
     standstills = find_standstills(motion, body)
     findings += check_standstills(motion, standstills, files)

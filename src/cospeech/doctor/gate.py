@@ -12,13 +12,12 @@ from cospeech.doctor.audio import check_signal
 from cospeech.doctor.body import find_body
 from cospeech.doctor.findings import Check, Files, Finding, Severity
 from cospeech.doctor.posture import check_units, check_vertical
-from cospeech.motion.joint_map import JointMap
 
 TOLERATED = (Check.CLIPPED,)
 """Errors that features of loudness feel and a corpus may have: they are counted."""
 
 
-def examined_source(source: Source, joint_map: JointMap | None = None) -> Source:
+def examined_source(source: Source) -> Source:
     """A source without the recordings whose body or sound the doctor calls wrong.
 
     They are dropped as faults, in the doctor's words. What else it says of body and sound becomes
@@ -26,20 +25,19 @@ def examined_source(source: Source, joint_map: JointMap | None = None) -> Source
 
     Args:
         source: Of recordings in three dimensions.
-        joint_map: Where the evaluation joints are; found by the joints' names when None.
     """
-    return replace(source, read=functools.partial(_examined, source.read, joint_map))
+    return replace(source, read=functools.partial(_examined, source.read))
 
 
 def _examined(
-    read: Callable[[], Iterable[Recording | Dropped]], joint_map: JointMap | None
+    read: Callable[[], Iterable[Recording | Dropped]],
 ) -> Iterator[Recording | Dropped]:
     for item in read():
-        yield item if isinstance(item, Dropped) else _judged(item, joint_map)
+        yield item if isinstance(item, Dropped) else _judged(item)
 
 
-def _judged(recording: Recording, joint_map: JointMap | None) -> Recording | Dropped:
-    findings = check_body_and_sound(recording, joint_map)
+def _judged(recording: Recording) -> Recording | Dropped:
+    findings = check_body_and_sound(recording)
     for finding in findings:
         if finding.severity is Severity.ERROR and finding.check not in TOLERATED:
             reason = f"{finding.file}: {finding.problem}\n  -> {finding.next_step}"
@@ -49,12 +47,12 @@ def _judged(recording: Recording, joint_map: JointMap | None) -> Recording | Dro
     return replace(recording, remarks=(*recording.remarks, *more))
 
 
-def check_body_and_sound(recording: Recording, joint_map: JointMap | None) -> list[Finding]:
+def check_body_and_sound(recording: Recording) -> list[Finding]:
     """Size and vertical of the body, and whether the sound is one."""
     files = Files.all_in(recording.source or recording.id)
     findings: list[Finding] = []
     if recording.motion.first_bad_frame() is None:
-        body = find_body(recording.motion, joint_map)
+        body = find_body(recording.motion)
         if body is not None:
             findings += check_units(body, files)
             findings += check_vertical(body, files) if body.scale > 0 else []

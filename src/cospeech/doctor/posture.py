@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from cospeech.doctor.body import HEAD, LEFT_ARM, NECK, NOSE, RIGHT_ARM, SPINE, Body
 from cospeech.doctor.findings import Check, Files, Finding, Severity
-from cospeech.motion.joint_map import JointMap
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import to_upper_body
 
@@ -120,9 +119,7 @@ def check_vertical(body: Body, files: Files) -> list[Finding]:
     ]
 
 
-def check_sides(
-    body: Body, motion: Motion, joint_map: JointMap | None, files: Files
-) -> list[Finding]:
+def check_sides(body: Body, motion: Motion, files: Files) -> list[Finding]:
     """Whether left is left, by the way the elbows bend.
 
     The names of the shoulders and the line from spine to neck say where the front is; hands bend
@@ -132,7 +129,6 @@ def check_sides(
     Args:
         body: An upright body.
         motion: What it was found in.
-        joint_map: The map it was found by; None where that was found by the joints' names.
         files: What to call them.
     """
     shoulders = body.points[:, LEFT_ARM[0]] - body.points[:, RIGHT_ARM[0]]
@@ -145,7 +141,7 @@ def check_sides(
     backward = bent > BENT and bend < BACKWARD_BEND
     if not (wrong_side or backward):
         return []
-    nose_says = _nose_says(body, motion, joint_map, front)
+    nose_says = _nose_says(body, motion, front)
     what = []
     if wrong_side:
         against = "at -x" if body.hips is None else "on the side of the right hip"
@@ -171,9 +167,7 @@ def check_sides(
     ]
 
 
-def _nose_says(
-    body: Body, motion: Motion, joint_map: JointMap | None, front: NDArray[np.float64]
-) -> bool | None:
+def _nose_says(body: Body, motion: Motion, front: NDArray[np.float64]) -> bool | None:
     """Whether the nose is in front; None where that isn't known."""
     if body.own[NOSE] and body.joints[NOSE] not in (body.joints[HEAD], body.joints[NECK]):
         nose = body.points[:, NOSE] - (body.points[:, NECK] + body.points[:, HEAD]) / 2
@@ -183,7 +177,7 @@ def _nose_says(
         few = Motion(
             motion.skeleton, motion.fps, motion.positions[::step], motion.rotations_local[::step]
         )
-        points = to_upper_body(few, joint_map).positions
+        points = to_upper_body(few).positions
         forward = float((points[:, NOSE] - (points[:, NECK] + points[:, HEAD]) / 2)[:, 2].mean())
     else:
         return None

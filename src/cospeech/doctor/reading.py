@@ -87,8 +87,8 @@ def read(item: Take | Source | StoredPart, settings: Settings) -> Read:
         if isinstance(item, Take):
             return read_one_take(item, settings)
         if isinstance(item, StoredPart):
-            return read_stored(item, settings)
-        return read_source(item, settings)
+            return read_stored(item)
+        return read_source(item)
     except Exception as error:
         return Read(findings=[_unreadable(name, explained(error))])
 
@@ -129,7 +129,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
     findings += [
         _about_file(remark, remark.path) for remark in recording.remarks if remark.path is not None
     ]
-    examination = examine_closely(recording, files, settings.joint_map, lengths)
+    examination = examine_closely(recording, files, lengths)
     misplaced = {
         finding.check for finding in examination.findings if finding.file == files.words
     } & {Check.TRANSCRIPT, Check.DRIFT}
@@ -138,7 +138,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
     return Read([replace(examination, findings=findings + examination.findings)])
 
 
-def read_source(source: Source, settings: Settings) -> Read:
+def read_source(source: Source) -> Read:
     """Examine the recordings of a source."""
     result = Read()
     name = str(source.files[0]) if source.files else source.id
@@ -146,7 +146,7 @@ def read_source(source: Source, settings: Settings) -> Read:
         for item in source.read():
             if isinstance(item, Recording):
                 files = Files.all_in(f"{name} ({item.id})")
-                result.examinations.append(examine_closely(item, files, settings.joint_map))
+                result.examinations.append(examine_closely(item, files))
             elif item.is_fault:
                 result.findings.append(_dropped(item, f"{name} ({item.id})"))
             else:
@@ -156,7 +156,7 @@ def read_source(source: Source, settings: Settings) -> Read:
     return result
 
 
-def read_stored(part: StoredPart, settings: Settings) -> Read:
+def read_stored(part: StoredPart) -> Read:
     """Examine recordings of a store."""
     store = _open_store(part.path)
     result = Read()
@@ -183,9 +183,7 @@ def read_stored(part: StoredPart, settings: Settings) -> Read:
             interlocutor=Speech(np.zeros(0, np.float32)) if facts.has_interlocutor else None,
         )
         files = Files.all_in(f"{part.path} ({facts.id})")
-        result.examinations.append(
-            examine_closely(recording, files, settings.joint_map, parts=tuple(parts[index]))
-        )
+        result.examinations.append(examine_closely(recording, files, parts=tuple(parts[index])))
     return result
 
 
