@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -45,6 +46,20 @@ def test_a_reader_that_leaves_is_no_error():
     )
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux's device that is always full")
+def test_output_that_is_lost_on_a_full_disk_is_an_error():
+    code = (
+        "import sys; from cospeech.terminal import exit_status\n"
+        "def main():\n    print('a')\n    print('b', file=sys.stderr)\n    return 0\n"
+        "sys.exit(exit_status(main))"
+    )
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, timeout=60
+        )
+    assert (done.returncode, done.stderr) == (2, b"b\nerror: stdout: No space left on device\n")
 
 
 @pytest.mark.slow

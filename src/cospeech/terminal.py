@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import logging
 import os
@@ -13,12 +14,21 @@ from cospeech.errors import one_line, plain
 
 
 class _KeepsGoing(io.FileIO):
-    """A stream of the process whose failures to write are nobody's business but the reader's."""
+    """A stream of the process that takes everything.
+
+    Attributes:
+        lost: Why something of it isn't where it should be; None where all is, or where the reader
+            has left, which is nobody's business but the reader's.
+    """
+
+    lost: OSError | None = None
 
     def write(self, data: Any) -> int:
         try:
             return super().write(data)
-        except OSError:
+        except OSError as error:
+            if self.lost is None and error.errno not in (errno.EPIPE, errno.EIO):
+                self.lost = error
             return memoryview(data).nbytes
 
 
@@ -72,6 +82,9 @@ def exit_status(main: Callable[[], int]) -> int:
     try:
         status = main()
         sys.stdout.flush()
+        raw = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
+        if isinstance(raw, _KeepsGoing) and raw.lost is not None:
+            raise OSError(raw.lost.errno, raw.lost.strerror, "stdout")
     except KeyboardInterrupt:
         print("\nstopped", file=sys.stderr)
         return 130
