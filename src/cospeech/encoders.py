@@ -7,7 +7,6 @@ import tempfile
 from pathlib import Path
 
 import lightning
-import torch
 from filelock import FileLock
 from lightning import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
@@ -25,9 +24,12 @@ from cospeech.metrics.encoder import (
     save_encoder,
 )
 from cospeech.nn.checkpoints import WholeCheckpoints
+from cospeech.nn.weights_file import read_checkpoint
 
 BATCH_SIZE = 128
 """Windows per batch of the auto-encoder's training, as published (spec 2.4)."""
+
+_AGAIN = "run the command again: the encoder is trained anew"
 
 logger = logging.getLogger(__name__)
 
@@ -73,7 +75,7 @@ def _kept(path: Path) -> GestureEncoder | None:
 
 def is_kept(store: Store, epochs: int, seed: int) -> bool:
     """Whether the store has an encoder of these epochs and seed, so that none is to be trained."""
-    return _path(store, epochs, seed).is_file()
+    return _kept(_path(store, epochs, seed)) is not None
 
 
 def keep_encoder(store: Store, encoder: GestureEncoder, epochs: int, seed: int) -> Path:
@@ -110,6 +112,6 @@ def _train(store: Store, epochs: int, seed: int, place: Path) -> GestureEncoder:
             plugins=[WholeCheckpoints()],
         )
         trainer.fit(model, loaders["train"], loaders["val"])
-        weights = torch.load(best.best_model_path, weights_only=True)["state_dict"]
+        weights = read_checkpoint(best.best_model_path, _AGAIN)["state_dict"]
     model.load_state_dict(weights)
     return model.encoder(f"motion_autoencoder, {epochs} epochs on {store.name}")

@@ -278,7 +278,6 @@ NO_READERS = {
     "encoders": "opens kept encoders as a reader above does, and what it has just written",
     "experiment.building": "opens a checkpoint",
     "experiment.finished_run": "opens records and checkpoints as readers above do",
-    "experiment.folders": "opens records as a reader above does",
     "experiment.typed": "the project's own settings",
     "nn.checkpoints": "opens checkpoints as a reader above does",
     "doctor.reading": "opens what the readers above open",

@@ -106,7 +106,7 @@ def test_a_damaged_last_checkpoint_is_said_and_the_one_before_taken(two, damage,
         assert WholeCheckpoints().load_checkpoint(two)["epoch"] == 1
     (said,) = caplog.messages
     assert str(two) in said
-    assert f"continuing from the checkpoint before, {previous_of(two)} (epoch 1, step 10)" in said
+    assert f"taking the checkpoint before, {previous_of(two)} (epoch 1, step 10)" in said
 
 
 def test_a_list_of_tensors_is_no_checkpoint(two):

@@ -10,6 +10,7 @@ from cospeech.corpus.packing import pack_source
 from cospeech.corpus.source import Dropped, Source
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store_writer import StoreWriter
+from cospeech.errors import one_line
 from cospeech.metrics.gesture_statistics.findings import judge
 from cospeech.metrics.gesture_statistics.measuring import measure_systems
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemMotion
@@ -42,16 +43,17 @@ def report(folder, name):
     """Runs that finished and that did not, a damaged record, and a folder of that name."""
     runs = folder / "runs"
     runs.mkdir()
+    line = one_line(name)  # records with other names are left out
     named = {
-        "id": name, "model": name, "data": name, "ablation": name, "commit": name,
-        "data_fingerprint": name, "encoder": {"sha256": name, "name": name},
+        "id": line, "model": line, "data": line, "ablation": line, "commit": name,
+        "data_fingerprint": line, "encoder": {"sha256": name, "name": name},
         "versions": {name: name}, "references": {name: {"fgd": 1.0}},
     }  # fmt: skip
     metrics = {"epoch": 0, f"val/{name}": 1.0, "val/fgd": 2.0}
     config = {name: {name: name}}
     record(runs, 0, **named, config=config, epochs=[metrics])
     record(runs, 1, **named, status="failed", error=name)
-    record(runs, 2, **named, status=name, samples=[name])
+    record(runs, 2, **named, status=line, samples=[name])
     record(runs, 3, **named, config={"model": {"other": name}})
     record(runs, 4, final={name: name, "windows": {name: 1.0}}, encoder=None)
     (record(runs, 5) / "record.json").write_text(json.dumps({"epochs": [{name: name}]}))

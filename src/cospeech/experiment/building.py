@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from lightning import LightningModule
@@ -14,7 +13,9 @@ from omegaconf import DictConfig, MissingMandatoryValue
 from cospeech.corpus.store import Store
 from cospeech.encoders import encoder_for
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.foreign import understood
 from cospeech.metrics.encoder import GestureEncoder
+from cospeech.nn.weights_file import read_checkpoint
 
 
 def build(node: Any, **arguments: Any) -> Any:
@@ -49,7 +50,12 @@ def require_same(known: str | None, now: str, what: str) -> None:
         )
 
 
-def load_weights(model: LightningModule, path: Path) -> None:
-    """Put a checkpoint's weights into a module."""
-    checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-    model.load_state_dict(checkpoint["state_dict"])
+def load_weights(model: LightningModule, path: Path, hint: str) -> None:
+    """Put a checkpoint's weights into a module.
+
+    Raises:
+        InputFileError: They are damaged, or another module's.
+    """
+    state = read_checkpoint(path, hint)["state_dict"]
+    with understood(path, "a checkpoint of this model", hint):
+        model.load_state_dict(state)

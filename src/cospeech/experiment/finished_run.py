@@ -8,7 +8,6 @@ fingerprint, and is never made, nor anything else written, because of what a rec
 
 from __future__ import annotations
 
-import glob
 import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
@@ -33,7 +32,8 @@ from cospeech.experiment.plain_arguments import (
 )
 from cospeech.foreign import understood
 from cospeech.methods.base import GestureMethod, HasSchedule
-from cospeech.nn.weights_file import filled, read_checkpoint
+from cospeech.nn.checkpoints import is_kept, previous_of, read_whole
+from cospeech.nn.weights_file import filled
 from cospeech.reporting.record import load_record
 
 CHECKPOINTS = ("best", "last")
@@ -41,7 +41,7 @@ NO_CORPUS = "/dev/null/no prepared corpus"
 """A path at which nothing can lie."""
 
 _ANOTHER_RUN = "give the folder of a finished run, e.g. outputs/runs/ID"
-_NAMES = ("id", "status", "model", "data", "ablation")
+_NEEDED = ("id", "status", "model", "data", "ablation", "seed", "config")
 _METRICS: dict[str, Any] = {
     "encoder": str,
     "encoder_epochs": int,
@@ -49,7 +49,6 @@ _METRICS: dict[str, Any] = {
     "reference_seed": int,
 }
 _NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers")
-_FINGERPRINT = re.compile("[0-9a-f]{64}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +69,7 @@ class FinishedRun:
         experiment: Name of the experiment's yaml, if any.
         config: The record's settings of ``model``, ``data``, ``metrics`` and ``training``, as
             plain values.
-        checkpoint: File of the chosen weights.
+        checkpoint: File of the chosen weights, or where it was if only the one before is there.
     """
 
     folder: Path
@@ -98,6 +97,7 @@ class FinishedRun:
 
         Raises:
             InputFileError: The checkpoint is damaged, or not of this run's method.
+            CospeechError: The checkpoint is damaged, and the one before it too.
             ConfigError: The method makes no motion, has no such argument, or ``best`` was asked
                 for and no epoch of the stage that counts is done.
         """
@@ -109,9 +109,9 @@ class FinishedRun:
             if not self.takes(name):
                 raise ConfigError(f"a {self.model} has no {name}", f"leave {name} out")
         hint = _instead_of(self.checkpoint)
-        content = read_checkpoint(self.checkpoint, hint)
+        checkpoint, content = read_whole(self.checkpoint, hint)
         what = f"a checkpoint of model={self.model}"
-        with understood(self.checkpoint, what, hint), _in_file(self.checkpoint, hint):
+        with understood(checkpoint, what, hint), _in_file(checkpoint, hint):
             model = self._built(content, store, given)
             is_far_enough = not isinstance(model, HasSchedule) or model.in_last_stage
         if self.checkpoint.stem == "best" and not is_far_enough:
@@ -158,10 +158,12 @@ class FinishedRun:
         """
         if self.fingerprint is None:
             return None
-        beside = (above / "stores" for above in self.folder.absolute().parents)
-        pattern = f"*-{glob.escape(self.fingerprint[:6])}/manifest.json"
+        # Of outputs/runs/ID and outputs/studies/NAME/ID; whose the folders above are, who knows.
+        beside = (above / "stores" for above in self.folder.absolute().parents[:3])
         for folder in (*map(Path, folders), *beside):
-            for manifest in sorted(folder.glob(pattern)):
+            for manifest in sorted(folder.glob("*/manifest.json")):
+                if not manifest.parent.name.endswith(f"-{self.fingerprint[:6]}"):
+                    continue
                 store = Store(manifest.parent)
                 if store.fingerprint == self.fingerprint:
                     return store
@@ -213,7 +215,7 @@ def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
         raise ConfigError(f"checkpoint={checkpoint!r} is not one of {', '.join(CHECKPOINTS)}")
     folder = _folder_of(Path(folder))
     record = _inside(folder, folder / "record.json")
-    values = load_record(record, needs=(*_NAMES, "seed", "config"))
+    values = load_record(record, needs=_NEEDED)
     with understood(record, "a run's record", _ANOTHER_RUN), _in_file(record, _ANOTHER_RUN):
         run = _checked(folder, values, checkpoint)
     if checkpoint == "best" and run.status != "ok":
@@ -223,7 +225,7 @@ def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
             " far, which may be worth nothing",
             _to_its_end("checkpoint=last takes it as it is"),
         )
-    if not run.checkpoint.is_file():
+    if not is_kept(run.checkpoint):
         raise ConfigError(
             f"run={folder}: no checkpoints/{checkpoint}.ckpt there", _instead_of(run.checkpoint)
         )
@@ -231,18 +233,8 @@ def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
 
 
 def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedRun:
-    for name in _NAMES:
-        if not values[name].isprintable() or len(values[name]) > 200:
-            raise CospeechError(f"{name} is no name")
-    fingerprint = values.get("data_fingerprint")
-    if fingerprint is not None and _FINGERPRINT.fullmatch(fingerprint) is None:
-        raise CospeechError("data_fingerprint is no hash")
-    config = {}
-    for part in ("model", "data", "metrics", "training", "choices"):
-        settings = values["config"].get(part, None if part in ("model", "data") else {})
-        if not isinstance(settings, dict):
-            raise CospeechError(f"config.{part} is missing, or no object")
-        config[part] = dict(settings)
+    parts = ("model", "data", "metrics", "training", "choices")
+    config = {part: dict(values["config"].get(part, {})) for part in parts}
     model, data = (_part(config[group], group, values[group]) for group in ("model", "data"))
     method = get_class(model.target)
     for name, known in (("model", argument_names(method)), ("data", list(data.values))):
@@ -253,6 +245,8 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
         require_plain(config[part], f"config.{part}")
     require_known(list(config["metrics"]), list(_METRICS), "config.metrics")
     require_types(config["metrics"], _METRICS, "config.metrics")
+    file = folder / "checkpoints" / f"{checkpoint}.ckpt"
+    _inside(folder, previous_of(file))
     return FinishedRun(
         folder=folder,
         id=values["id"],
@@ -261,12 +255,12 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
         ablation=values["ablation"],
         seed=values["seed"],
         status=values["status"],
-        fingerprint=fingerprint,
+        fingerprint=values.get("data_fingerprint"),
         method=method,
         metrics=config["metrics"],
         experiment=config["choices"].get("experiment"),
         config=config,
-        checkpoint=_inside(folder, folder / "checkpoints" / f"{checkpoint}.ckpt"),
+        checkpoint=_inside(folder, file),
         _corpus=data,
     )
 

@@ -14,8 +14,8 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from cospeech.errors import ConfigError, InputFileError
-from cospeech.foreign import read_json
+from cospeech.errors import ConfigError
+from cospeech.reporting.record import read_record
 
 _DECIDES = ("model", "data", "training", "metrics", "seed")
 """The parts of a config that decide what a run computes."""
@@ -68,10 +68,10 @@ def changed_settings(cfg: DictConfig, record: Path) -> list[str]:
         ``"model.layers was 4, is 2"``, a setting each; without the number of epochs, what changes
         no result, and those that follow from others (``${...}``).
     """
-    config = _config(record)
+    config = read_record(record).get("config")
     if not config:
         return []
-    before = _leaves(config, "")
+    before = _leaves({key: config.get(key) for key in _DECIDES}, "")
     now = _leaves({key: _unresolved(cfg, key) for key in _DECIDES}, "")
     return [
         f"{key} was {_short(before, key)}, is {_short(now, key)}"
@@ -101,10 +101,10 @@ def run_folder(
     if checkpoint == "last":
         identity = run_identity(_root_)
         records = sorted(folder.glob(f"{prefix}-*/record.json"))
-        found = [path.parent for path in records if _values(path).get("identity") == identity]
+        found = [path.parent for path in records if read_record(path).get("identity") == identity]
         if found:
             return found[-1].name if mode == "sweep" else str(found[-1])
-        damaged = [path for path in records if not _values(path)]
+        damaged = [path for path in records if not read_record(path)]
         if mode == "run" and damaged:
             file = damaged[-1]
             raise ConfigError(
@@ -152,20 +152,6 @@ def _leaves(value: Any, path: str) -> dict[str, Any]:
     for key, item in value.items():
         found |= _leaves(item, f"{path}.{key}" if path else str(key))
     return found
-
-
-def _config(record: Path) -> dict[str, Any]:
-    config = _values(record).get("config")
-    return {key: config.get(key) for key in _DECIDES} if isinstance(config, dict) else {}
-
-
-def _values(record: Path) -> dict[str, Any]:
-    """What a record says, as plain values; nothing where it is damaged."""
-    try:
-        values = read_json(record, "a run's record")
-    except InputFileError:
-        return {}
-    return values if isinstance(values, dict) else {}
 
 
 OmegaConf.register_new_resolver("run_folder", run_folder, use_cache=False)

@@ -22,7 +22,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from cospeech.corpus.store import Store
 from cospeech.encoders import BATCH_SIZE, keep_encoder
-from cospeech.errors import ConfigError, CospeechError
+from cospeech.errors import ConfigError, CospeechError, one_line
 from cospeech.evaluation import References, evaluate_recordings, reference_rows
 from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
@@ -36,7 +36,7 @@ from cospeech.experiment.stopping import (
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
-from cospeech.nn.checkpoints import LAST, previous_of
+from cospeech.nn.checkpoints import LAST, is_kept
 from cospeech.reporting.record import RunRecord, read_record
 from cospeech.reporting.tables import result_table
 
@@ -84,11 +84,19 @@ def run(cfg: DictConfig) -> RunResult:
             ) from None
     else:
         end_with_the_first_process()
+    try:
+        return _recorded(cfg, folder, writes=first_process)
+    finally:
+        lock.release()
+
+
+def _recorded(cfg: DictConfig, folder: Path, writes: bool) -> RunResult:
+    """The run; its record says how it ended."""
     resolved = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
     record = RunRecord(
-        record_path,
+        folder / "record.json",
         {
-            "id": folder.name,
+            "id": one_line(folder.name),
             "model": cfg.choices.model,
             "data": cfg.choices.data,
             "ablation": cfg.choices.ablation,
@@ -96,7 +104,7 @@ def run(cfg: DictConfig) -> RunResult:
             "identity": run_identity(cfg),
             "config": resolved,
         },
-        writes=first_process,
+        writes=writes,
     )
     try:
         with stopped_like_ctrl_c():
@@ -115,7 +123,6 @@ def run(cfg: DictConfig) -> RunResult:
             raise
         raise lost_peer from error
     finally:
-        lock.release()
         wandb = sys.modules.get("wandb")
         if wandb is not None and wandb.run is not None:
             with costs_itself("wandb"):
@@ -216,7 +223,10 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     record.update(objective=objective)
 
     if best is not None and best.best_model_path:
-        load_weights(model, Path(best.best_model_path))
+        again = "train it again: the same command without ckpt_path"
+        if isinstance(model, GestureMethod):
+            again += f"; or judge its last weights: python evaluate.py run={folder} checkpoint=last"
+        load_weights(model, Path(best.best_model_path), again)
     if isinstance(model, MotionAutoencoder) and trainer.is_global_zero:
         _keep_encoder(cfg, folder, store, model)
     if cfg.test and isinstance(model, GestureMethod):
@@ -296,7 +306,7 @@ def _checkpoint(cfg: DictConfig, folder: Path) -> str | None:
             raise ConfigError(f"ckpt_path={path}: no such file", "give a .ckpt file, or `last`")
         return str(path)
     last = folder / "checkpoints" / LAST
-    if last.is_file() or previous_of(last).is_file():
+    if is_kept(last):
         logger.info("continuing from %s", last)
         return str(last)
     logger.info("no checkpoint yet in %s: starting from the beginning", folder)

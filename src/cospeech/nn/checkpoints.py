@@ -83,29 +83,10 @@ class WholeCheckpoints(CheckpointIO):
             CospeechError: Both are damaged.
         """
         path = _one_name(path)
-        previous = previous_of(path)
-        faults: list[InputFileError] = []
-        for candidate in (path, previous) if previous.is_file() else (path,):
-            try:
-                content = read_checkpoint(candidate, _START_AGAIN)
-            except InputFileError as error:
-                faults.append(error)
-                continue
-            if faults:
-                logger.warning(
-                    "%s; continuing from the checkpoint before, %s (epoch %s, step %s)",
-                    faults[0].problem,
-                    candidate,
-                    content.get("epoch"),
-                    content.get("global_step"),
-                )
-            self._whole.add(candidate)
-            _follow(content, path.parent)
-            return content
-        if len(faults) == 1:
-            raise faults[0]
-        problems = "; ".join(error.problem for error in faults)
-        raise CospeechError(f"no checkpoint is whole: {problems}", _START_AGAIN) from faults[0]
+        whole, content = read_whole(path, _START_AGAIN)
+        self._whole.add(whole)
+        _follow(content, path.parent)
+        return content
 
     def remove_checkpoint(self, path: str | Path) -> None:
         """Delete a checkpoint, if there is one."""
@@ -115,6 +96,45 @@ class WholeCheckpoints(CheckpointIO):
 def previous_of(path: Path) -> Path:
     """Where the predecessor of a checkpoint is kept: ``last.previous.ckpt`` of ``last.ckpt``."""
     return path.with_name(f"{path.stem}.previous{path.suffix}")
+
+
+def is_kept(path: Path) -> bool:
+    """Whether there is a checkpoint, or the one before it."""
+    return path.is_file() or previous_of(path).is_file()
+
+
+def read_whole(path: Path, hint: str) -> tuple[Path, dict[str, Any]]:
+    """A checkpoint, or with a warning the one before where it is damaged; and the file it is from.
+
+    Args:
+        path: The checkpoint.
+        hint: What to do without both.
+
+    Raises:
+        InputFileError: It is damaged, and no other was kept.
+        CospeechError: Both are damaged.
+    """
+    previous = previous_of(path)
+    faults: list[InputFileError] = []
+    for candidate in (path, previous) if previous.is_file() else (path,):
+        try:
+            content = read_checkpoint(candidate, hint)
+        except InputFileError as error:
+            faults.append(error)
+            continue
+        if faults:
+            logger.warning(
+                "%s; taking the checkpoint before, %s (epoch %s, step %s)",
+                faults[0].problem,
+                candidate,
+                content.get("epoch"),
+                content.get("global_step"),
+            )
+        return candidate, content
+    if len(faults) == 1:
+        raise faults[0]
+    problems = "; ".join(error.problem for error in faults)
+    raise CospeechError(f"no checkpoint is whole: {problems}", hint) from faults[0]
 
 
 def _one_name(path: str | Path) -> Path:

@@ -34,6 +34,9 @@ class RunRecord:
     Attributes:
         values: What the file holds.
         earlier: What it held before, where the run is resumed; else empty.
+
+    Raises:
+        InputFileError: There is a record, and it is damaged. It stays as it is.
     """
 
     def __init__(self, path: Path, facts: dict[str, Any], writes: bool = True) -> None:
@@ -41,7 +44,7 @@ class RunRecord:
         self._writes = writes
         if writes:
             remove_temporaries(path)
-        self.earlier = earlier = read_record(path) if path.is_file() else {}
+        self.earlier = earlier = load_record(path) if path.is_file() else {}
         self.values: dict[str, Any] = {
             "schema": RECORD_SCHEMA,
             "status": "running",
@@ -92,9 +95,10 @@ class RunRecord:
 
 
 def load_record(path: Path, needs: Sequence[str] = ()) -> dict[str, Any]:
-    """A record's values, every known key of the type that it should have (or null, or absent).
+    """A record's values, every known key of the type that it should have, or absent.
 
-    Nothing else of a record may be relied on: it may come from anywhere.
+    Nothing else of a record may be relied on: it may come from anywhere. Keys that are null, also
+    those of the objects in it, are left out.
 
     Args:
         path: The `record.json`.
@@ -104,7 +108,7 @@ def load_record(path: Path, needs: Sequence[str] = ()) -> dict[str, Any]:
         InputFileError: The file is absent or damaged, a value is of another type, or a key that
             is needed is missing.
     """
-    hint = "leave it out, or start the run anew"
+    hint = "leave it out, or start the run anew in another folder"
     values = read_json(path, "a record of a run", hint=hint)
     problems = record_problems(values)
     if not problems:
@@ -112,7 +116,16 @@ def load_record(path: Path, needs: Sequence[str] = ()) -> dict[str, Any]:
         problems = [f"has no {', '.join(missing)}: it is cut, or no record"] if missing else []
     if problems:
         raise InputFileError(path, "; ".join(problems), hint=hint)
-    return dict(values)
+    return _without_nulls(
+        {
+            key: _without_nulls(value) if isinstance(value, dict) else value
+            for key, value in values.items()
+        }
+    )
+
+
+def _without_nulls(values: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None}
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -7,8 +7,11 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 from typing import Any
 
+from cospeech.errors import one_line
+
 _LONGEST_TEXT = 1000
 _LONGEST_KEY = 200
+_LONGEST_NAME = 255  # as of a file
 _LARGEST = 1e100
 """Nothing that a run measures is larger, and sums and squares of smaller numbers are finite."""
 
@@ -52,6 +55,14 @@ def _text(value: Any, place: str) -> Iterator[str]:
         yield f"{place} is {_kind(value)}, not a text"
     elif len(value) > _LONGEST_TEXT:
         yield f"{place} has {len(value)} characters"
+
+
+def _name(value: Any, place: str) -> Iterator[str]:
+    """A line that a terminal shows and doesn't obey."""
+    if not isinstance(value, str):
+        yield f"{place} is {_kind(value)}, not a text"
+    elif len(value) > _LONGEST_NAME or one_line(value) != value:
+        yield f"{place} is no name"
 
 
 def _long_text(value: Any, place: str) -> Iterator[str]:
@@ -118,47 +129,54 @@ def _object_of(known: Mapping[str, Check], other: Check, needed: str | None = No
     return checked
 
 
-def _settings(value: Any, place: str) -> Iterator[str]:
-    """A config: an object of plain values, neither deep nor endless."""
-    yield from _object_of({}, _anything)(value, place)
-    left: list[tuple[Any, int]] = [(value, 0)]
-    seen = 0
-    while left:
-        item, depth = left.pop()
-        seen += 1
-        if depth > _DEEPEST or seen > _MOST_SETTINGS:
-            yield f"{place} is nested too deep or has too many values for a config"
-            return
-        if isinstance(item, Mapping):
-            if any(len(key) > _LONGEST_KEY for key in item):
-                yield f"{place} has a key of over {_LONGEST_KEY} characters"
+def _settings(*objects: str) -> Check:
+    """An object of plain values, neither deep nor endless; those of these names are objects."""
+    check = _object_of(dict.fromkeys(objects, _OBJECT), _anything)
+
+    def checked(value: Any, place: str) -> Iterator[str]:
+        yield from check(value, place)
+        left: list[tuple[Any, int]] = [(value, 0)]
+        seen = 0
+        while left:
+            item, depth = left.pop()
+            seen += 1
+            if depth > _DEEPEST or seen > _MOST_SETTINGS:
+                yield f"{place} is nested too deep or has too many values for a config"
                 return
-            left += [(inner, depth + 1) for inner in item.values()]
-        elif isinstance(item, list):
-            left += [(inner, depth + 1) for inner in item]
+            if isinstance(item, Mapping):
+                if any(len(key) > _LONGEST_KEY for key in item):
+                    yield f"{place} has a key of over {_LONGEST_KEY} characters"
+                    return
+                left += [(inner, depth + 1) for inner in item.values()]
+            elif isinstance(item, list):
+                left += [(inner, depth + 1) for inner in item]
+
+    return checked
 
 
+_OBJECT = _object_of({}, _anything)
 _NUMBERS = _object_of({}, _number)
 _SHAPE: dict[str, Check] = {
     "schema": _whole,
-    "id": _text,
-    "status": _text,
-    "model": _text,
-    "data": _text,
-    "ablation": _text,
+    "id": _name,
+    "status": _name,
+    "model": _name,
+    "data": _name,
+    "ablation": _name,
     "seed": _whole,
     "identity": _text,
     "started": _text,
     "finished": _text,
-    "config": _settings,
+    "config": _settings("model", "data", "metrics", "training", "choices"),
     "commit": _text,
     "dirty": _flag,
     "versions": _object_of({}, _text),
-    "hardware": _settings,
-    "data_fingerprint": _text,
+    "hardware": _settings(),
+    "data_fingerprint": _name,
     "encoder": _object_of({"sha256": _text, "name": _text}, _anything),
     "timings": _NUMBERS,
     "epochs": _list_of(_object_of({"epoch": _epoch}, _number, needed="epoch")),
+    "fit": _object_of({"asked": _whole, "ended": _epoch}, _anything, needed="ended"),
     "final": _object_of({"split": _text, "windows": _NUMBERS, "recordings": _NUMBERS}, _anything),
     "references": _object_of({}, _NUMBERS),
     "samples": _list_of(_text),
