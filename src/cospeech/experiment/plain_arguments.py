@@ -66,7 +66,7 @@ def require_types(values: Mapping[str, Any], hints: Mapping[str, Any], where: st
         CospeechError: One isn't; the message names it and the declared type.
     """
     for name, value in values.items():
-        if name in hints and not _fits(value, hints[name]):
+        if name in hints and not fits(value, hints[name]):
             wanted = getattr(hints[name], "__name__", None) or str(hints[name])
             if get_args(hints[name]):
                 wanted = str(hints[name]).replace("typing.", "")
@@ -84,34 +84,35 @@ def require_arguments(kind: type, values: Mapping[str, Any], where: str) -> None
     require_types(values, get_type_hints(kind.__init__), where)  # type: ignore[misc]
 
 
-def _fits(value: Any, hint: Any) -> bool:
+def fits(value: Any, hint: Any) -> bool:
+    """Whether a value is of a declared type; a whole number is a number too."""
     origin, arguments = get_origin(hint), get_args(hint)
     if hint is Any:
         return True
     if hint in (None, type(None)):
         return value is None
     if origin in (Union, types.UnionType):
-        return any(_fits(value, argument) for argument in arguments)
+        return any(fits(value, argument) for argument in arguments)
     if origin is Literal:
         # Which texts are among the choices is the constructor's to say, and it does so better.
         return any(type(value) is type(choice) for choice in arguments)
     if is_typeddict(hint):
         hints = get_type_hints(hint)
         return isinstance(value, Mapping) and all(
-            _fits(value[name], wanted) if name in value else name not in hint.__required_keys__
+            fits(value[name], wanted) if name in value else name not in hint.__required_keys__
             for name, wanted in hints.items()
         )
     if origin is tuple:
         if not isinstance(value, list | tuple):
             return False
         if arguments[-1] is Ellipsis:
-            return all(_fits(item, arguments[0]) for item in value)
-        return len(value) == len(arguments) and all(map(_fits, value, arguments))
+            return all(fits(item, arguments[0]) for item in value)
+        return len(value) == len(arguments) and all(map(fits, value, arguments))
     if origin in (list, Sequence):
-        return isinstance(value, list | tuple) and all(_fits(item, arguments[0]) for item in value)
+        return isinstance(value, list | tuple) and all(fits(item, arguments[0]) for item in value)
     if origin in (dict, Mapping):
         return isinstance(value, Mapping) and all(
-            _fits(key, arguments[0]) and _fits(item, arguments[1]) for key, item in value.items()
+            fits(key, arguments[0]) and fits(item, arguments[1]) for key, item in value.items()
         )
     if isinstance(value, bool) or hint is bool:
         return isinstance(value, bool) and hint is bool

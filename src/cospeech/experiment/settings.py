@@ -13,6 +13,7 @@ from hydra._internal.utils import _locate  # get_object logs each failure as an 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cospeech.errors import ConfigError
+from cospeech.experiment.plain_arguments import fits
 from cospeech.suggestions import did_you_mean
 
 _OF_HYDRA = ("_target_", "_partial_", "_recursive_", "_convert_", "_args_")
@@ -141,14 +142,14 @@ def _refuse_other_type(path: str, node: Any, annotation: Any) -> None:
     if node._is_missing() or node._is_interpolation():
         return
     value = node._value()
-    given = type(value)
-    if given in wanted or (given is int and float in wanted):
+    if fits(value, annotation):
         return
     words = " or ".join(_WORDS[kind] for kind in (int, float, bool, str) if kind in wanted)
     told = "null" if value is None else repr(value)
     if isinstance(node, DictConfig | ListConfig) and value is not None:
         told = "a list or a mapping"
-    hint = f"as a text: '{path}=\"{value}\"'" if str in wanted and given in (int, float) else None
+    is_number = type(value) in (int, float)
+    hint = f"as a text: '{path}=\"{value}\"'" if str in wanted and is_number else None
     raise ConfigError(f"{path}: wants {words}, not {told}", hint)
 
 
