@@ -1,11 +1,17 @@
 """The encoder that judges a store is trained beside where it is kept."""
 
 import tempfile
+from types import SimpleNamespace
 
 import pytest
+import torch
 
-from cospeech.encoders import encoder_for
+from cospeech import encoders
+from cospeech.encoders import encoder_for, keep_encoder
+from cospeech.errors import InputFileError
+from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from tests.corpora import make_recording, make_store
+from tests.damage import flipped
 
 
 @pytest.mark.filterwarnings("ignore:.*does not have many workers", "ignore:.*logging interval")
@@ -18,3 +24,30 @@ def test_an_encoder_is_trained_without_a_folder_for_temporary_files(tmp_path, mo
     assert [path.name for path in folder.glob("*.pt")] == ["autoencoder-e1-s0.pt"]
     assert not [path for path in folder.iterdir() if path.is_dir()]
     assert encoder_for(store, "trained", epochs=1, seed=0).sha256 == encoder.sha256
+
+
+def test_a_checkpoint_that_was_written_badly_is_no_encoder(tmp_path, monkeypatch):
+    store = make_store(tmp_path, [make_recording(f"take{i}", seconds=6, seed=i) for i in range(6)])
+    best = tmp_path / "best.ckpt"
+    torch.save({"state_dict": MotionAutoencoder(store.facts()).state_dict()}, best)
+    whole = best.read_bytes()
+    trainer = SimpleNamespace(fit=lambda *_: None)
+    monkeypatch.setattr(encoders, "Trainer", lambda **_: trainer)
+    monkeypatch.setattr(
+        encoders, "ModelCheckpoint", lambda *_, **__: SimpleNamespace(best_model_path=str(best))
+    )
+    for damaged in (b"", whole[:-300], flipped(whole)):
+        best.write_bytes(damaged)
+        with pytest.raises(InputFileError, match=r"best\.ckpt") as caught:
+            encoder_for(store, "trained", epochs=1, seed=0)
+        assert "run the command again" in caught.value.hint
+    best.write_bytes(whole)
+    assert encoder_for(store, "trained", epochs=1, seed=0)
+
+
+def test_a_damaged_encoder_is_not_kept(tmp_path):
+    store = make_store(tmp_path, [make_recording(f"take{i}", seconds=6, seed=i) for i in range(6)])
+    path = keep_encoder(store, MotionAutoencoder(store.facts()).encoder("untrained"), 1, 0)
+    assert encoders.is_kept(store, 1, 0)
+    path.write_bytes(path.read_bytes()[:-100])
+    assert not encoders.is_kept(store, 1, 0)

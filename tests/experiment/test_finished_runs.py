@@ -12,6 +12,7 @@ from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment import evaluate, generate, generating, judging_again
 from cospeech.experiment.finished_run import open_run
 from cospeech.methods.base import HasSchedule
+from cospeech.nn.checkpoints import previous_of
 from tests.corpora import make_recording
 from tests.runs import FINGERPRINT, METHODS, Outputs, command, read_record, write_record
 
@@ -133,6 +134,40 @@ def test_the_corpus_is_found_where_the_outputs_went(outputs, tmp_path):
     values = json.loads(manifest.read_text())
     write_manifest(manifest.parent, values | {"fingerprint": FINGERPRINT[:-1] + "1"})
     assert opened.find_store([]) is None
+
+
+def test_no_corpus_is_looked_for_above_the_outputs(outputs, tmp_path):
+    run = outputs.run("trimodal", below="deep")
+    for depth, found in (("outputs/studies/name/run", True), ("mine/outputs/a/b/run", False)):
+        home = tmp_path / depth.partition("/")[0]
+        shutil.copytree(run, tmp_path / depth)
+        shutil.copytree(outputs.store, home / "stores" / outputs.store.name)
+        with command("generate"):
+            assert (open_run(tmp_path / depth).find_store([]) is not None) == found
+
+
+@pytest.mark.parametrize("damage", ["empty", "absent"])
+def test_the_last_checkpoint_is_the_one_before_where_it_is_damaged(
+    damage, outputs, run, tmp_path, caplog
+):
+    last = run / "checkpoints" / "last.ckpt"
+    last.rename(previous_of(last))
+    if damage == "empty":
+        last.touch()
+    for ask in (spoken, judged):
+        caplog.clear()
+        ask(outputs, run, tmp_path, "checkpoint=last")
+        (said,) = [text for text in caplog.messages if "taking the checkpoint before" in text]
+        assert str(last) in said
+        assert str(previous_of(last)) in said
+    previous_of(last).rename(tmp_path / "elsewhere")
+    previous_of(last).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(CospeechError, match="link to something outside"):
+        spoken(outputs, run, tmp_path, "checkpoint=last")
+    previous_of(last).unlink()
+    with pytest.raises(CospeechError, match=r"is empty|no checkpoints/last\.ckpt") as caught:
+        spoken(outputs, run, tmp_path, "checkpoint=last")
+    assert "checkpoint=best takes best.ckpt" in caught.value.hint
 
 
 def test_a_corpus_that_is_gone_is_not_made_again_on_a_strangers_word(outputs, run, tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from hydra import compose, initialize_config_dir
 
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, InputFileError
 from cospeech.experiment import run, run_folder, run_identity
 from cospeech.experiment.folders import changed_settings
 from cospeech.reporting.record import write_json
@@ -83,6 +83,37 @@ def test_a_damaged_record_is_named_where_no_other_run_fits(tmp_path, content):
     record(tmp_path, "20260101-000000-000000", config())
     found = run_folder("run", str(tmp_path), PREFIX, "last", _root_=config())
     assert found.endswith("20260101-000000-000000")
+
+
+def test_a_record_with_a_wrong_value_is_not_gone_on_with_nor_written_over(tmp_path):
+    record(tmp_path, "20260102-000000-000000", config(), seed="0", epochs=[{"epoch": 0}])
+    with pytest.raises(ConfigError, match=r"record\.json is damaged"):
+        run_folder("run", str(tmp_path), PREFIX, "last", _root_=config())
+    (path,) = tmp_path.glob("*/record.json")
+    before = path.read_text()
+    cfg = config("ckpt_path=last", f"run_dir={path.parent}")
+    cfg.choices = {"model": "trimodal", "data": "synthetic", "ablation": "full"}
+    cfg.run_prefix = PREFIX
+    with pytest.raises(InputFileError, match="seed is a text, not a whole number"):
+        run(cfg)
+    # The first error holds its frames, and no lock.
+    with pytest.raises(InputFileError, match="seed is a text, not a whole number"):
+        run(cfg)
+    assert path.read_text() == before
+
+
+@pytest.mark.parametrize("null", ["fit", "config", "objective"])
+def test_a_null_in_a_record_is_as_good_as_nothing(tmp_path, null):
+    values = {"status": "ok", "fit": {"asked": 2, "ended": 2}}
+    values["config"] = {"training": {"epochs": 2}}
+    write_json(tmp_path / "record.json", {**values, null: None})
+    cfg = config("training.epochs=2", "ckpt_path=last", f"run_dir={tmp_path}")
+    if null != "config":
+        assert run(cfg).record["status"] == "ok"
+        return
+    cfg.training.epochs = 1
+    with pytest.raises(ConfigError, match="has 2 epochs already"):
+        run(cfg)
 
 
 def test_a_finished_run_with_more_epochs_than_asked_for_is_refused(tmp_path):

@@ -276,7 +276,7 @@ NO_READERS = {
     "corpus.split_facts": "a store's stream, while it is built",
     "corpus.window_loader": "windows of an open store",
     "encoders": "opens kept encoders as a reader above does, and what it has just written",
-    "experiment.building": "opens a checkpoint",
+    "experiment.building": "opens checkpoints as a reader above does",
     "experiment.finished_run": "opens records and checkpoints as readers above do",
     "experiment.typed": "the project's own settings",
     "nn.checkpoints": "opens checkpoints as a reader above does",

@@ -32,6 +32,7 @@ def record(folder, seed=0, ablation="full", fgd=2.0, weight=5.0, **changes):
         "encoder": {"sha256": "encoder-1", "name": "own"},
         "timings": {"fit": 90.0, "test": 30.0},
         "epochs": [{"epoch": e, "val/fgd": fgd + 10 - e, "val/joint_mae": 0.1} for e in range(5)],
+        "fit": {"asked": 5, "ended": 5},
         "final": {"split": "test", "windows": {"fgd": fgd}, "recordings": {"fgd": fgd + 1}},
         "references": {"real_halves": {"fgd": 0.25}, "mean_pose": {"fgd": 9.0}},
         "samples": [],

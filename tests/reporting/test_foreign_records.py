@@ -96,7 +96,8 @@ def test_a_value_of_any_type_at_any_place_costs_at_most_its_record(good, tmp_pat
     (("final", "windows", "fgd"), [1]), (("references", "mean_pose"), 3), (("status",), {}),
     (("timings", "fit"), "long"), (("samples",), "player.html"), (("config",), [1]),
     (("encoder", "sha256"), 5), (("versions", "torch"), 2), (("dirty",), "no"),
-    (("epochs", 1, "epoch"), 0.5),
+    (("epochs", 1, "epoch"), 0.5), (("fit", "ended"), None), (("fit", "asked"), "2"),
+    (("config", "model"), [1]), (("id",), "two\nlines"), (("ablation",), "x" * 300),
 ])  # fmt: skip
 def test_what_is_wrong_is_named_with_its_key(good, place, odd):
     path = next(good.glob("*/record.json"))

@@ -46,3 +46,23 @@ def test_a_resumed_record_knows_what_it_was(tmp_path):
     assert second.values["epochs"] == [{"epoch": 0, "val/fgd": 1.0}]
     assert second.values["fit"] == {"asked": 1, "ended": 1}
     assert second.values["objective"] == 1.0
+
+
+def test_nulls_of_an_earlier_record_are_as_good_as_nothing(tmp_path):
+    path = tmp_path / "record.json"
+    nulls = dict.fromkeys(("started", "epochs", "fit", "samples", "encoder"))
+    write_json(path, {"timings": {"fit": None}, **nulls})
+    record = RunRecord(path, FACTS)
+    record.add_timing("fit", 2.5)
+    record.add_epoch(0, {"val/fgd": 1.0})
+    assert record.values["timings"] == {"fit": 2.5}
+    assert record.values["started"] is not None
+    assert record.values["samples"] == []
+
+
+def test_a_damaged_record_stays_as_it_is(tmp_path):
+    path = tmp_path / "record.json"
+    path.write_text('{"seed": "0"}')
+    with pytest.raises(CospeechError, match="seed is a text"):
+        RunRecord(path, FACTS)
+    assert path.read_text() == '{"seed": "0"}'

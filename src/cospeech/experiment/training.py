@@ -65,7 +65,7 @@ def run(cfg: DictConfig) -> RunResult:
         if earlier.get("status") == "ok" and epochs == cfg.training.epochs:
             logger.info("%s had finished; nothing to do", folder)
             return RunResult(folder, earlier, earlier.get("objective"))
-        done = (earlier.get("fit") or {}).get("ended") or 0
+        done = earlier.get("fit", {}).get("ended", 0)
         if earlier.get("status") == "ok" and 0 <= cfg.training.epochs < done:
             raise ConfigError(
                 f"training.epochs={cfg.training.epochs}: {folder} has {done} epochs already",
