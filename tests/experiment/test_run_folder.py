@@ -94,11 +94,11 @@ def test_a_record_with_a_wrong_value_is_not_gone_on_with_nor_written_over(tmp_pa
     cfg = config("ckpt_path=last", f"run_dir={path.parent}")
     cfg.choices = {"model": "trimodal", "data": "synthetic", "ablation": "full"}
     cfg.run_prefix = PREFIX
-    with pytest.raises(InputFileError, match="seed is a text, not a whole number"):
-        run(cfg)
-    # The first error holds its frames, and no lock.
-    with pytest.raises(InputFileError, match="seed is a text, not a whole number"):
-        run(cfg)
+    errors = []
+    for _ in range(2):
+        with pytest.raises(InputFileError, match="seed is a text, not a whole number") as caught:
+            run(cfg)
+        errors.append(caught)  # which holds its frames, and these no lock
     assert path.read_text() == before
 
 
