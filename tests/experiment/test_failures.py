@@ -109,7 +109,7 @@ def config(**model):
     )
 
 
-def test_a_checkpoint_of_another_network_names_what_changed(tmp_path):
+def test_a_checkpoint_of_another_network_names_what_changed(tmp_path, monkeypatch):
     record = tmp_path / "run" / "record.json"
     write_json(record, {"config": OmegaConf.to_container(config(layers=4), resolve=True)})
     cfg = config(extra=1)
@@ -122,6 +122,13 @@ def test_a_checkpoint_of_another_network_names_what_changed(tmp_path):
     assert "model.extra was absent, is 1" in told.problem
     assert "\n" not in told.problem
     assert "another network" in as_sentence(error).problem
+    monkeypatch.chdir(tmp_path / "run")
+    for path in ("checkpoints/last.ckpt", "../run/checkpoints/last.ckpt"):
+        cfg.ckpt_path = path
+        assert "model.layers was 4, is 2" in as_sentence(error, cfg).problem
+    for path in ("x.ckpt", "/x.ckpt"):
+        cfg.ckpt_path = path
+        assert f"ckpt_path={path}: its weights" in as_sentence(error, cfg).problem
 
 
 @pytest.mark.parametrize(

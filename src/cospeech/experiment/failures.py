@@ -93,7 +93,7 @@ def _shapes(text: str, cfg: DictConfig | None) -> ConfigError:
     path = None if cfg is None else cfg.get("ckpt_path")
     if cfg is None or path in (None, "last"):
         return ConfigError(problem, "take the checkpoint that these settings made")
-    changed = changed_settings(cfg, Path(path).parents[1] / "record.json")
+    changed = changed_settings(cfg, Path(path).absolute().parent.parent / "record.json")
     told = f"; since that run, {'; '.join(changed)}" if changed else ""
     return ConfigError(
         f"ckpt_path={path}: {problem}{told}", "give that run's settings again, or start a new run"
