@@ -102,7 +102,10 @@ def _text(node: ast.AST) -> str:
     if isinstance(node, ast.JoinedStr):
         return "".join(_text(value) for value in node.values)
     if isinstance(node, ast.FormattedValue):
-        return "{}"
+        return _text(node.value) if isinstance(node.value, ast.Call) else "{}"
+    if isinstance(node, ast.Call):
+        named = getattr(node.func, "id", "") == "setting" and _text(node.args[0])
+        return f"{named or ''}{'=' if named else ''}{{}}"
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
         return _text(node.left) + _text(node.right)
     if isinstance(node, ast.IfExp):
@@ -183,7 +186,7 @@ class Known:
         """Groups that a command has."""
         defaults = OmegaConf.load(self.root / "conf" / f"{command}.yaml").defaults
         names = {str(next(iter(item))) for item in defaults if isinstance(item, DictConfig)}
-        return names - {"optional local"}
+        return {name for name in names if not name.startswith(("optional ", "override "))}
 
     def _has(self, command: str, key: str) -> bool:
         group = key.partition(".")[0]

@@ -13,6 +13,7 @@ from hydra._internal.utils import _locate  # get_object logs each failure as an 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cospeech.errors import ConfigError
+from cospeech.quoting import setting
 from cospeech.suggestions import did_you_mean
 
 _OF_HYDRA = ("_target_", "_partial_", "_recursive_", "_convert_", "_args_")
@@ -148,7 +149,11 @@ def _refuse_other_type(path: str, node: Any, annotation: Any) -> None:
     told = "null" if value is None else repr(value)
     if isinstance(node, DictConfig | ListConfig) and value is not None:
         told = "a list or a mapping"
-    hint = f"as a text: '{path}=\"{value}\"'" if str in wanted and given in (int, float) else None
+    hint = (
+        f"as a text: {setting(path, str(value))}"
+        if str in wanted and given in (int, float)
+        else None
+    )
     raise ConfigError(f"{path}: wants {words}, not {told}", hint)
 
 
