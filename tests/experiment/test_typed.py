@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cospeech.errors import ConfigError
+from cospeech.experiment import typed
 from cospeech.experiment.help import help_text
 from cospeech.experiment.typed import Command, check_typed, read_overrides
 from cospeech.quoting import setting
@@ -86,6 +87,13 @@ def test_an_argument_of_an_object_may_be_added_and_no_other():
     assert "did you mean 'fast_dev_run'" in refused("model=knn", "+trainer.fast_dev_runn=1").problem
     error = refused("model=knn", "trainer.fast_dev_run=true")
     assert "+trainer.fast_dev_run=true" in str(error.hint)
+
+
+def test_a_setting_that_no_corpus_has_is_named_without_importing_one(monkeypatch):
+    monkeypatch.setattr(typed, "known_arguments", lambda target: pytest.fail(f"imports {target}"))
+    error = refused("model=knn", "data.bogus=1")
+    assert error.problem == "data.bogus: there is no such setting"
+    assert str(error.hint).startswith("data knows: batch_size, corpus_seed, max_recordings, minu")
 
 
 def test_a_callback_may_be_added_if_it_says_what_it_is():

@@ -33,6 +33,9 @@ _OPEN_GROUPS = ("callbacks", "logger")
 _OF_HYDRA = ("defaults", "hydra")
 """What of a command's yaml is no setting of the command."""
 
+_SAID_IN_FULL = "data_modules."
+"""What has all its arguments in its yaml; others are asked, which takes seconds of importing."""
+
 _OF_ONE_MODEL = ("ablation", "experiment")
 
 
@@ -272,8 +275,9 @@ def _unknown(command: Command, cfg: DictConfig, override: Override) -> ConfigErr
     refused = _no_such(command, whole, name, valid, ".".join(prefix), cfg)
     if "did you mean" in str(refused) or not isinstance(node, DictConfig):
         return refused
-    if "_target_" in node:
-        arguments = known_arguments(str(node["_target_"]))
+    target = str(node.get("_target_", ""))
+    if target and not target.startswith(_SAID_IN_FULL):
+        arguments = known_arguments(target)
         if arguments is None or name in arguments:
             text = str(override.input_line)
             hint = f"a setting that isn't in the yaml is added with +: {shlex.quote('+' + text)}"

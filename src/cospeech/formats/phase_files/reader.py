@@ -12,7 +12,7 @@ from cospeech.foreign import understood
 from cospeech.formats.phase_files.anvil import read_anvil
 from cospeech.formats.phase_files.elan import read_elan
 from cospeech.formats.phase_files.hands import are_hands, busier_hand
-from cospeech.formats.phase_files.labels import phase_meanings, plain
+from cospeech.formats.phase_files.labels import normalised, phase_meanings
 from cospeech.formats.phase_files.table import read_table
 from cospeech.formats.phase_files.tiers import Entry, Tier
 from cospeech.motion.phases import PHASES, PhaseSegment
@@ -76,7 +76,7 @@ def _segments(path: Path, tier: Tier, meanings: Mapping[str, str]) -> list[Phase
                 entry.place,
             )
         if entry.end_s > entry.start_s:
-            label = meanings[plain(entry.text)]
+            label = meanings[normalised(entry.text)]
             segments.append(PhaseSegment(entry.start_s, entry.end_s, label))
     if left_out := len(tier.entries) - len(segments):
         _log.info("%s: %d annotations without label or length", path, left_out)
@@ -107,7 +107,7 @@ def _choose(
     if not timed:
         raise InputFileError(path, tiers[0].problem, f"tier {tiers[0].name}")
     unknown = {
-        tier.name: [entry for entry in _written(tier) if plain(entry.text) not in meanings]
+        tier.name: [entry for entry in _written(tier) if normalised(entry.text) not in meanings]
         for tier in timed
     }
     fitting = [tier for tier in timed if not unknown[tier.name]]
@@ -140,7 +140,7 @@ def _choose(
 
 def _meaning(entry: Entry) -> str:
     """How to say what an annotation's label means."""
-    text = plain(entry.text)  # case, accents and marks make no difference
+    text = normalised(entry.text)  # case, accents and marks make no difference
     try:
         return setting("data.phase_labels", {text: "stroke"})
     except ValueError:
