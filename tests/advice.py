@@ -8,9 +8,11 @@ import tomllib
 from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = ("train", "evaluate", "prepare", "generate")
@@ -60,7 +62,7 @@ class Text:
 def texts(root: Path = ROOT) -> Iterator[Text]:
     """Every string of the package, comment of a yaml, and code of a README."""
     for path in code_files(root):
-        yield from texts_of_code(path.read_text(), str(path.relative_to(root)))
+        yield from _texts_of(parsed(path), str(path.relative_to(root)))
     for path in sorted((root / "conf").rglob("*.yaml")):
         for number, line in enumerate(path.read_text().splitlines(), 1):
             _, mark, comment = line.partition("#")
@@ -79,12 +81,21 @@ def code_files(root: Path = ROOT) -> list[Path]:
     return sorted([*found, *(root / f"{name}.py" for name in COMMANDS)])
 
 
+@cache
+def parsed(path: Path) -> list[ast.AST]:
+    """Every node of a module, those above before those below."""
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
 def texts_of_code(source: str, name: str) -> Iterator[Text]:
     """The strings of a module; adjacent and formatted ones as one."""
-    tree = ast.parse(source)
-    hints = {id(node) for call in ast.walk(tree) for node in _hints(call)}
+    return _texts_of(list(ast.walk(ast.parse(source))), name)
+
+
+def _texts_of(nodes: list[ast.AST], name: str) -> Iterator[Text]:
+    hints = {id(node) for call in nodes for node in _hints(call)}
     inside = set[int]()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.JoinedStr | ast.BinOp) or id(node) in hints:
             text = _text(node)
             inside |= {id(child) for child in ast.walk(node) if child is not node}
@@ -102,7 +113,10 @@ def _text(node: ast.AST) -> str:
     if isinstance(node, ast.JoinedStr):
         return "".join(_text(value) for value in node.values)
     if isinstance(node, ast.FormattedValue):
-        return "{}"
+        return _text(node.value) if isinstance(node.value, ast.Call) else "{}"
+    if isinstance(node, ast.Call):
+        named = getattr(node.func, "id", "") == "setting" and _text(node.args[0])
+        return f"{named or ''}{'=' if named else ''}{{}}"
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
         return _text(node.left) + _text(node.right)
     if isinstance(node, ast.IfExp):
@@ -148,24 +162,21 @@ class Known:
             name: own[name] | self.groups(name) | {key for key in shared if self._has(name, key)}
             for name in COMMANDS
         }
-        modules = [ast.parse(path.read_text()) for path in code_files(root)]
+        nodes = [node for path in code_files(root) for node in parsed(path)]
         self.parameters = {
             argument.arg
-            for module in modules
-            for node in ast.walk(module)
+            for node in nodes
             if isinstance(node, ast.arguments)
             for argument in [*node.args, *node.kwonlyargs]
         } | {
             node.target.id  # fields of dataclasses
-            for module in modules
-            for node in ast.walk(module)
+            for node in nodes
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
         }
         project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
         self.functions = {
             node.name: {item.arg for item in [*node.args.args, *node.args.kwonlyargs]}
-            for module in modules
-            for node in ast.walk(module)
+            for node in nodes
             if isinstance(node, ast.FunctionDef) and node.args.kwarg is None
         }
         makefile = (root / "Makefile").read_text()
@@ -181,9 +192,9 @@ class Known:
 
     def groups(self, command: str) -> set[str]:
         """Groups that a command has."""
-        defaults = OmegaConf.load(self.root / "conf" / f"{command}.yaml").defaults
-        names = {str(next(iter(item))) for item in defaults if isinstance(item, DictConfig)}
-        return names - {"optional local"}
+        defaults = _loaded(self.root / "conf" / f"{command}.yaml")["defaults"]
+        names = {str(next(iter(item))) for item in defaults if isinstance(item, dict)}
+        return {name for name in names if not name.startswith(("optional ", "override "))}
 
     def _has(self, command: str, key: str) -> bool:
         group = key.partition(".")[0]
@@ -205,16 +216,19 @@ class Known:
         return source if "__main__" in source else ""
 
 
+@cache
+def _loaded(path: Path) -> Any:
+    return yaml.safe_load(path.read_text())
+
+
 def _keys(path: Path, prefix: str = "") -> set[str]:
-    def walk(node: DictConfig, above: str) -> Iterator[str]:
-        for key in node:
-            value = node._get_node(key)
+    def walk(node: dict[str, Any], above: str) -> Iterator[str]:
+        for key, value in node.items():
             yield f"{above}{key}"
-            if isinstance(value, DictConfig) and not value._is_none():
+            if isinstance(value, dict):
                 yield from walk(value, f"{above}{key}.")
 
-    loaded = OmegaConf.load(path)
-    found = set(walk(loaded, prefix)) if isinstance(loaded, DictConfig) else set()
+    found = set(walk(_loaded(path) or {}, prefix))
     return found - {f"{prefix}defaults"}
 
 

@@ -45,6 +45,8 @@ def message(source: str) -> list[str]:
         ("raise ConfigError(f'{a}: say model.no_such={a}')", "model.no_such={"),
         ("raise ConfigError('x', 'add frame_rate=30')", "frame_rate=30"),  # no such top-level one
         ("raise ConfigError('x', f'add {a}' ' or model.hiden_size=3')", "model.hiden_size=3"),
+        ("raise ConfigError('x', setting('data.no_such', a))", "data.no_such={"),
+        ("raise ConfigError('x', f'say {setting(\"data.no_such\", a)}')", "data.no_such={"),
         ("raise InputFileError(p, 'x', None, 'say no_such=1')", "no_such=1"),
         ("raise InputFileError(p, 'x', hint='say no_such=1')", "no_such=1"),
         ("log('no_such_thing=1 is wrong')", "no_such_thing=1"),

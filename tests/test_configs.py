@@ -7,6 +7,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 import cospeech.experiment  # noqa: F401  registers the resolver of run folders
+from cospeech.experiment.settings import known_arguments
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 
@@ -32,6 +33,12 @@ def test_every_model_composes_with_every_corpus(model, data):
     assert cfg.model._target_.startswith("cospeech.methods.")
     assert cfg.data._target_.startswith("data_modules.")
     assert set(cfg.training) == {"epochs", "batch_size", "monitor", "quick"}
+
+
+@pytest.mark.parametrize("data", names("data"))
+def test_the_yaml_of_a_corpus_has_every_argument_of_its_class(data):
+    values = composed("model=knn", f"data={data}").data
+    assert set(values) - {"_target_"} == set(known_arguments(values._target_))
 
 
 @pytest.mark.parametrize(

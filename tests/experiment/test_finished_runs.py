@@ -1,6 +1,7 @@
 """What finished runs are asked for, and what unfinished ones are told."""
 
 import json
+import shlex
 import shutil
 from types import SimpleNamespace
 
@@ -184,6 +185,55 @@ def test_a_corpus_that_is_gone_is_not_made_again_on_a_strangers_word(outputs, ru
     # With the corpus back, the encoder has to be trained again too: all of it is said at once.
     assert "metrics.encoder_epochs=7 metrics.reference_seed=2 data=" in caught.value.hint
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_search_whose_corpus_is_gone_tells_what_makes_it_again(outputs, tmp_path):
+    run = outputs.run("knn", below="gone")
+    record = read_record(run)
+    record["data_fingerprint"] = "1" * 64
+    labels = {"é": "stroke", "go": "hold"}
+    record |= {"data": "mocap"}
+    record["config"]["data"] = {
+        "_target_": "data_modules.mocap.MocapData",
+        "root": "/a b",
+        "licence": "null",
+        "speaker": "12",
+        "phase_labels": labels,
+    }
+    write_record(run, record)
+    with pytest.raises(ConfigError, match="its prepared corpus isn't here") as caught:
+        spoken(outputs, run, tmp_path / "made")
+    told = caught.value.hint.partition("make it again: ")[2]
+    typed = shlex.split(told.partition(", with ")[0])
+    assert typed[:2] == ["python", "prepare.py"]
+    with command("prepare", *typed[2:]) as cfg:
+        assert cfg.data.store_dir == str(outputs.folder / "stores")
+        assert (cfg.data.root, cfg.data.licence, cfg.data.speaker) == ("/a b", "null", "12")
+    # No key of a mapping can be quoted.
+    assert told.endswith(", with data.phase_labels as in its record.json")
+    record["config"]["data"]["phase_labels"].pop("é")
+    write_record(run, record)
+    with pytest.raises(ConfigError) as caught:
+        spoken(outputs, run, tmp_path / "made")
+    assert "'data.phase_labels={go: hold}'" in caught.value.hint
+
+
+def test_a_search_finds_its_corpus_or_a_database_where_it_is_said_to_be(outputs, tmp_path):
+    run = outputs.run("knn", below="apart").rename(tmp_path / "run")
+
+    def opened(*given):
+        typed = (f"run={run}", "audio=a.wav", f"outputs_dir={tmp_path}")
+        with command("generate", *typed, *given) as cfg:
+            return generating._method(cfg)
+
+    with pytest.raises(ConfigError, match="its prepared corpus isn't here"):
+        opened()
+    assert opened(f"data.store_dir={outputs.store.parent}")._store == str(outputs.store)
+    assert opened("database=/kept")._folder == "/kept"
+    record = read_record(run)
+    record["config"]["model"]["database"] = "/named/in/training"
+    write_record(run, record)
+    opened()
 
 
 def test_an_encoder_that_is_gone_is_not_trained_for_as_long_as_a_record_says(

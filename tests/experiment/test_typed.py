@@ -4,12 +4,12 @@ import shlex
 from pathlib import Path
 
 import pytest
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from omegaconf import OmegaConf
 
 from cospeech.errors import ConfigError
+from cospeech.experiment import typed
 from cospeech.experiment.help import help_text
-from cospeech.experiment.typed import Command, check_typed, quoted_argument, read_overrides
+from cospeech.experiment.typed import Command, check_typed, read_overrides
+from cospeech.quoting import setting
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 TRAIN, GENERATE = Command("train", CONF), Command("generate", CONF)
@@ -87,6 +87,13 @@ def test_an_argument_of_an_object_may_be_added_and_no_other():
     assert "did you mean 'fast_dev_run'" in refused("model=knn", "+trainer.fast_dev_runn=1").problem
     error = refused("model=knn", "trainer.fast_dev_run=true")
     assert "+trainer.fast_dev_run=true" in str(error.hint)
+
+
+def test_a_setting_that_no_corpus_has_is_named_without_importing_one(monkeypatch):
+    monkeypatch.setattr(typed, "known_arguments", lambda target: pytest.fail(f"imports {target}"))
+    error = refused("model=knn", "data.bogus=1")
+    assert error.problem == "data.bogus: there is no such setting"
+    assert str(error.hint).startswith("data knows: batch_size, corpus_seed, max_recordings, minu")
 
 
 def test_a_callback_may_be_added_if_it_says_what_it_is():
@@ -182,30 +189,14 @@ def test_a_study_brings_its_sweep():
 # Quoting ---------------------------------------------------------------------------------------
 
 REFUSED_UNQUOTED = ["=", ",", "[x]", "(1)", "{", "}", "ä", "é", "東", "🎉", "'", '"', "#", "!", "&"]
-MEANS_SOMETHING = ["${x}", "\\${x}", "\\", '\\"', "\\\\'", " ", "$", ":", "~", "`", ";", "<", "^"]
-
-
-@pytest.mark.parametrize("letter", REFUSED_UNQUOTED + MEANS_SOMETHING)
-@pytest.mark.parametrize("path", ["/my/dir{}ectory", "/my/{}", "{}x", "/a b/{0}{0}, c"])
-def test_the_suggested_argument_is_the_users_path(letter, path):
-    path = path.format(letter) if "{0}" not in path else path.replace("{0}", letter)
-    (argument,) = shlex.split(quoted_argument(f"data.root={path}"))
-    override = OverridesParser.create().parse_override(argument)
-    assert not override.is_sweep_override()
-    assert OmegaConf.create({"root": override.value()}).root == path
-
-
-def test_the_quoting_of_the_readme_is_what_is_suggested():
-    assert quoted_argument("data.root=/a, b=c") == """'data.root="/a, b=c"'"""
-    assert quoted_argument("data.root=/plain/path") == "data.root=/plain/path"
 
 
 @pytest.mark.parametrize("letter", REFUSED_UNQUOTED)
 def test_a_path_that_hydra_refuses_gets_its_own_quoting(letter):
-    argument = f"data.root=/my/di{letter}r/x"
-    error = refused("model=trimodal", "data=mocap", argument)
-    assert quoted_argument(argument) in str(error.hint)
-    read_overrides(shlex.split(quoted_argument(argument)))
+    path = f"/my/di{letter}r/x"
+    error = refused("model=trimodal", "data=mocap", f"data.root={path}")
+    assert setting("data.root", path) in str(error.hint)
+    read_overrides(shlex.split(setting("data.root", path)))
 
 
 # Help ------------------------------------------------------------------------------------------

@@ -31,8 +31,8 @@ main()
 """
 
 
-@pytest.mark.parametrize("command", ["prepare", "train", "evaluate"])
-def test_every_command_that_prepares_logs_what_its_terminal_does_not_show(command):
+@pytest.mark.parametrize("command", ["prepare", "train", "evaluate", "generate"])
+def test_every_command_logs_what_its_terminal_does_not_show(command):
     overrides = ["model=knn"] if command == "train" else []
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
         cfg = compose(command, overrides, return_hydra_config=True)

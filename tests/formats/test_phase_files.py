@@ -286,7 +286,7 @@ def test_an_unknown_label_names_the_known_ones_and_a_mapping_mends_it(tmp_path):
         read_phases(path, labels={"P": "wobbling"})
 
 
-@pytest.mark.parametrize("text", ["?", "--", "!", "¿?"])
+@pytest.mark.parametrize("text", ["?", "--", "!", "¿?", "12", "null b", "inf"])
 def test_a_label_of_marks_alone_can_be_given_a_meaning(tmp_path, text):
     path = write(tmp_path, "t.csv", f"0,1,{text}\n1,2,stroke\n")
     with pytest.raises(InputFileError, match="is not a gesture phase") as caught:
@@ -308,7 +308,7 @@ def test_a_users_meaning_goes_before_the_known_one(tmp_path):
 
 def typed(error, key: str):
     """What a shell and Hydra make of the settings that an error's hint names."""
-    quoted = re.findall(r"'data\.[^']+'", error.hint)
+    quoted = re.findall(r"'data\.[^']+'|data\.\w+=\w+", error.hint)
     parsed = OverridesParser.create().parse_overrides([shlex.split(one)[0] for one in quoted])
     return [one.value() for one in parsed if one.key_or_group == f"data.{key}"]
 

@@ -9,7 +9,6 @@ fingerprint, and is never made, nor anything else written, because of what a rec
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -34,6 +33,7 @@ from cospeech.foreign import understood
 from cospeech.methods.base import GestureMethod, HasSchedule
 from cospeech.nn.checkpoints import is_kept, previous_of, read_whole
 from cospeech.nn.weights_file import filled
+from cospeech.quoting import setting
 from cospeech.reporting.record import load_record
 
 CHECKPOINTS = ("best", "last")
@@ -182,20 +182,30 @@ class FinishedRun:
         """
         store = self.find_store(folders)
         if store is None:
-            settings = " ".join([f"data={self.data}", *self._data_settings()])
+            settings, others = self._data_settings()
+            typed = " ".join([setting("data", self.data), *settings])
+            more = f", with {', '.join(others)} as in its record.json" if others else ""
             raise ConfigError(
                 f"run={self.folder}: its prepared corpus isn't here any more"
                 f" (fingerprint {(self.fingerprint or 'unknown')[:12]})",
-                f"data.store_dir=DIR says where it lies; or make it again: {command} {settings}",
+                f"data.store_dir=DIR says where it lies; or make it again: {command} {typed}{more}",
             )
         return store
 
-    def _data_settings(self) -> Iterator[str]:
-        """What the corpus was made from, as far as it isn't the default, as one types it."""
+    def _data_settings(self) -> tuple[list[str], list[str]]:
+        """What the corpus was made from, as far as it isn't the default, as one types it.
+
+        After that the names of what can be said in a yaml alone.
+        """
+        typed, others = list[str](), list[str]()
         for name, value in self.config["data"].items():
             if name in _NOT_OF_THE_CORPUS or value == self._corpus.values.get(name):
                 continue
-            yield shlex.quote(f"data.{name}={_as_override(value)}")
+            try:
+                typed.append(setting(f"data.{name}", value))
+            except ValueError:
+                others.append(f"data.{name}")
+        return typed, others
 
 
 def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
@@ -299,12 +309,14 @@ def _folder_of(path: Path) -> Path:
     if path.suffix == ".ckpt":
         raise ConfigError(
             f"run={path} is a checkpoint's file",
-            f"give the run's folder and name the checkpoint: run={path.parent.parent}"
-            " checkpoint=best (or last)",
+            "give the run's folder and name the checkpoint:"
+            f" {setting('run', str(path.parent.parent))} checkpoint=best (or last)",
         )
     if not (path / "record.json").is_file():
         below = sorted(found.parent for found in path.glob("*/record.json"))
-        hint = f"it is a folder of runs: run={below[-1]}" if below else _ANOTHER_RUN
+        hint = (
+            f"it is a folder of runs: {setting('run', str(below[-1]))}" if below else _ANOTHER_RUN
+        )
         raise ConfigError(f"run={path}: no record.json there", hint)
     return path
 
@@ -330,21 +342,6 @@ def _to_its_end(or_else: str) -> str:
         "train it to its end: the command that it was started with, and ckpt_path=last; or"
         f" {or_else}"
     )
-
-
-def _as_override(value: Any) -> str:
-    """A plain value in Hydra's grammar."""
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_as_override, value))}]"
-    if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {_as_override(item)}' for key, item in value.items())}}}"
-    if isinstance(value, str) and re.fullmatch(r"[\w./-]+", value, re.ASCII) is None:
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return str(value)
 
 
 @contextmanager

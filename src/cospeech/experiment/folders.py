@@ -15,6 +15,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from cospeech.errors import ConfigError
+from cospeech.quoting import quoted, setting
 from cospeech.reporting.record import read_record
 
 _DECIDES = ("model", "data", "training", "metrics", "seed")
@@ -31,7 +32,7 @@ def resume_command() -> str:
     arguments = [a for a in sys.argv[1:] if not a.startswith("ckpt_path=")]
     in_sweep = HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
     if in_sweep and not any(argument.startswith("study") for argument in arguments):
-        arguments.append(f"study_name={Path(HydraConfig.get().sweep.dir).name}")
+        arguments.append(f"study_name={quoted(Path(HydraConfig.get().sweep.dir).name)}")
     return shlex.join([Path(sys.executable).name, sys.argv[0], *arguments, "ckpt_path=last"])
 
 
@@ -110,8 +111,8 @@ def run_folder(
             raise ConfigError(
                 f"ckpt_path=last: {file} is damaged, and no other run {prefix}-* in {folder} has"
                 " these settings",
-                "to go on from its weights in a new folder:"
-                f" ckpt_path={file.parent / 'checkpoints' / 'last.ckpt'}",
+                "to go on from its weights in a new folder: "
+                + setting("ckpt_path", str(file.parent / "checkpoints" / "last.ckpt")),
             )
         if mode == "run":
             raise ConfigError(

@@ -16,13 +16,12 @@ from cospeech.experiment.finished_run import open_run
 from cospeech.matching.control import read_values
 from cospeech.methods.base import GestureMethod
 from cospeech.motion.motion import Motion
+from cospeech.quoting import setting
 from cospeech.reporting.files import replacing
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 from cospeech.speech.transcript import read_transcript_with_timing
-
-_log = logging.getLogger(__name__)
 
 logger = logging.getLogger(__name__)
 
@@ -52,7 +51,7 @@ def generate(cfg: DictConfig) -> Motion:
         transcript = read_transcript_with_timing(path, len(waveform) / SAMPLE_RATE)
         words = transcript.words
         for note in transcript.notes:
-            _log.warning("%s: %s", cfg.transcript, note)
+            logger.warning("%s: %s", cfg.transcript, note)
     speech = Speech(waveform, words)
     controls = None
     if cfg.controls is not None:
@@ -105,7 +104,9 @@ def _written(motion: Motion, speech: Speech, folder: Path, name: str, seconds: f
 def _method(cfg: DictConfig) -> GestureMethod:
     run = open_run(str(cfg.run), cfg.checkpoint)
     given = {} if cfg.database is None else {"database": to_absolute_path(cfg.database)}
-    # Motion is searched beside the corpus.
-    searches = run.takes("database")
-    store = run.find_store([Path(cfg.outputs_dir) / "stores"]) if searches else None
+    store = None
+    if run.takes("database") and not (given or run.config["model"].get("database")):
+        # What is searched lies beside the corpus.
+        command = f"python prepare.py {setting('data.store_dir', str(cfg.data.store_dir))}"
+        store = run.require_store([cfg.data.store_dir], command)
     return run.load(store, **given)

@@ -14,6 +14,7 @@ from cospeech.errors import ConfigError
 from cospeech.experiment.building import build, chosen_encoder
 from cospeech.experiment.finished_run import FinishedRun
 from cospeech.metrics.encoder import GestureEncoder
+from cospeech.quoting import quoted
 
 
 def given(group: str, *but: str) -> list[str]:
@@ -97,7 +98,9 @@ def _own_encoder(run: FinishedRun, cfg: DictConfig) -> list[str]:
         return []
     if all(own[key] == cfg.metrics[key] for key in trained):
         return []
-    return [f"metrics.{key}={value}" for key, value in own.items() if value != cfg.metrics[key]]
+    return [
+        f"metrics.{key}={quoted(value)}" for key, value in own.items() if value != cfg.metrics[key]
+    ]
 
 
 def _overrides() -> list[str]:

@@ -14,6 +14,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from cospeech.errors import ConfigError
 from cospeech.experiment.plain_arguments import fits
+from cospeech.quoting import setting
 from cospeech.suggestions import did_you_mean
 
 _OF_HYDRA = ("_target_", "_partial_", "_recursive_", "_convert_", "_args_")
@@ -149,7 +150,7 @@ def _refuse_other_type(path: str, node: Any, annotation: Any) -> None:
     if isinstance(node, DictConfig | ListConfig) and value is not None:
         told = "a list or a mapping"
     is_number = type(value) in (int, float)
-    hint = f"as a text: '{path}=\"{value}\"'" if str in wanted and is_number else None
+    hint = f"as a text: {setting(path, str(value))}" if str in wanted and is_number else None
     raise ConfigError(f"{path}: wants {words}, not {told}", hint)
 
 

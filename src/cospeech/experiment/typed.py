@@ -1,4 +1,4 @@
-"""What a user typed behind a command: Hydra's overrides, read, quoted and explained."""
+"""What a user typed behind a command: Hydra's overrides, read and explained."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from cospeech.experiment.settings import (
     refuse_unknown_settings,
     refuse_wrong_values,
 )
+from cospeech.quoting import quoted, setting
 from cospeech.suggestions import did_you_mean
 
 _OPEN_GROUPS = ("callbacks", "logger")
@@ -31,6 +32,9 @@ _OPEN_GROUPS = ("callbacks", "logger")
 
 _OF_HYDRA = ("defaults", "hydra")
 """What of a command's yaml is no setting of the command."""
+
+_SAID_IN_FULL = "data_modules."
+"""What has all its arguments in its yaml; others are asked, which takes seconds of importing."""
 
 _OF_ONE_MODEL = ("ablation", "experiment")
 
@@ -68,7 +72,7 @@ class Command:
         """The groups that this command has a choice of."""
         defaults = OmegaConf.load(self.conf / f"{self.name}.yaml").defaults
         names = [str(next(iter(item))) for item in defaults if isinstance(item, DictConfig)]
-        return [name for name in names if not name.startswith("optional ")]
+        return [name for name in names if not name.startswith(("optional ", "override "))]
 
 
 def check_typed(command: Command, overrides: Sequence[str], multirun: bool) -> None:
@@ -87,10 +91,11 @@ def check_typed(command: Command, overrides: Sequence[str], multirun: bool) -> N
     for override in typed:
         if override.is_sweep_override() and not multirun:
             text = str(override.input_line)
+            name, _, value = text.partition("=")
             raise ConfigError(
                 f"{text}: several values, and this is one run",
                 f"for a run each: python {command.name}.py -m ...;"
-                f" for one value: {quoted_argument(text)}",
+                f" for one value: {setting(name, value)}",
             )
     if multirun:
         given = {override.key_or_group for override in typed}
@@ -105,7 +110,7 @@ def check_typed(command: Command, overrides: Sequence[str], multirun: bool) -> N
         refuse_wrong_values(cfg, _usual(command, job))
 
 
-# Reading and quoting ---------------------------------------------------------------------------
+# Reading ----------------------------------------------------------------------------------------
 
 
 def read_overrides(overrides: Iterable[str]) -> list[Override]:
@@ -127,42 +132,14 @@ def _unreadable(text: str, error: Exception) -> ConfigError:
     if "=" not in text:
         return ConfigError(f"{text}: settings are written name=value", "--help lists the groups")
     told = " ".join(str(error).split("\nSee ")[0].split())[:200]
-    argument = quoted_argument(text)
-    if not _reads_back(shlex.split(argument)[0], text.partition("=")[2]):
+    name, _, value = text.partition("=")
+    argument = setting(name, value)
+    if not _reads_back(shlex.split(argument)[0], value):
         return ConfigError(f"{text}: not in Hydra's grammar ({told})", "--help lists the groups")
     return ConfigError(
         f"{text}: characters of this value mean something to Hydra",
         f"quote it, for the shell and for Hydra: {argument}",
     )
-
-
-def quoted_argument(text: str) -> str:
-    """``name=value``, the value as one text, as to be typed in a shell."""
-    name, _, value = text.partition("=")
-    return shlex.quote(f"{name}={quoted(value)}")
-
-
-def quoted(value: str) -> str:
-    """A text that Hydra and OmegaConf read as this one value, as it is where they can.
-
-    In double quotes, Hydra drops a backslash before a quote and halves those before it; OmegaConf
-    takes ``${`` for a reference unless a backslash is before it.
-    """
-    if _reads_back(f"name={value}", value):
-        return value
-    told = list[str]()
-    backslashes = 0
-    for index, letter in enumerate(value):
-        if letter == "\\":
-            backslashes += 1
-            continue
-        reference = value.startswith("${", index)
-        told.append("\\" * (2 * backslashes if letter == '"' or reference else backslashes))
-        told.append("\\" if letter == '"' or reference else "")
-        told.append(letter)
-        backslashes = 0
-    told.append("\\" * (2 * backslashes))
-    return f'"{"".join(told)}"'
 
 
 def _reads_back(argument: str, value: str) -> bool:
@@ -298,8 +275,9 @@ def _unknown(command: Command, cfg: DictConfig, override: Override) -> ConfigErr
     refused = _no_such(command, whole, name, valid, ".".join(prefix), cfg)
     if "did you mean" in str(refused) or not isinstance(node, DictConfig):
         return refused
-    if "_target_" in node:
-        arguments = known_arguments(str(node["_target_"]))
+    target = str(node.get("_target_", ""))
+    if target and not target.startswith(_SAID_IN_FULL):
+        arguments = known_arguments(target)
         if arguments is None or name in arguments:
             text = str(override.input_line)
             hint = f"a setting that isn't in the yaml is added with +: {shlex.quote('+' + text)}"

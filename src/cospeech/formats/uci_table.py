@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
 from cospeech.foreign import read_bytes, understood
-from cospeech.formats.phase_files.labels import phase_meanings, plain
+from cospeech.formats.phase_files.labels import normalised, phase_meanings
 from cospeech.motion.phases import PHASE_INDEX
 
 FILE_JOINTS = ("left_hand", "right_hand", "head", "spine", "left_wrist", "right_wrist")
@@ -72,7 +72,7 @@ def read_uci_table(path: str | Path) -> UciTable:
             raise InputFileError(path, "a value is not a number", place) from None
         if not np.isfinite(numbers).all():
             raise InputFileError(path, "a value is not finite", place)
-        label = meanings.get(plain(row[19]))
+        label = meanings.get(normalised(row[19]))
         if label is None:
             raise InputFileError(path, f"{row[19]!r} is not a phase", place)
         minute, second = divmod(stamp // 1000, 100)

@@ -19,6 +19,7 @@ from cospeech.formats.mocap import MissingAudio, Take, find_takes
 from cospeech.formats.mocap.finding import files_named
 from cospeech.formats.mocap.tables import cell, columns_of, read_table
 from cospeech.formats.mocap.takes import checked_ids
+from cospeech.quoting import setting
 
 LICENCE = "ZeroEGGS: CC BY-NC-ND 4.0"
 FPS = 60.0
@@ -45,10 +46,10 @@ def find_zeggs_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
     infos = files_named(root, r"info\.csv")
     splits = _splits(infos[0]) if infos else {}
     if not infos:
-        above = root.resolve().parent / "info.csv"
-        where = (
-            f"; it lies in the folder above: data.root={above.parent}" if above.is_file() else ""
-        )
+        above = root.resolve().parent
+        where = ""
+        if (above / "info.csv").is_file():
+            where = f"; it lies in the folder above: {setting('data.root', str(above))}"
         _log.warning("%s: no info.csv, so the published split is not known%s", root, where)
     takes = []
     for take in find_takes(root, missing_audio=missing_audio):

@@ -8,8 +8,8 @@ from pathlib import Path
 from cospeech.errors import InputFileError
 from cospeech.motion.bvh_rows import decoded, tolerated_rows
 
-PLAUSIBLE_FPS = (1.0, 1000.0)
-"""Rates that motion is kept at: others aren't advised."""
+PLAUSIBLE_FPS = (5.0, 250.0)
+"""Rates that motion capture is kept at: others aren't advised, and mean that a file is cut off."""
 
 _LONGEST_NUMBER = 60
 """Characters of a frame count or a frame time."""

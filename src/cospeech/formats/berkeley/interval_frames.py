@@ -29,7 +29,7 @@ SAMPLE_COLUMNS = ("speaker", "interval_id", "pose_fn", "start", "end", "dataset"
 """What ``train.csv`` must have."""
 NTSC_FPS = 30000 / 2002
 """Every second frame of a 29.97 fps video."""
-FRAME_RATES = (NTSC_FPS, 15.0)
+VIDEO_FPS = (NTSC_FPS, 15.0)
 
 MAX_STRETCH_FRAMES = 18_000
 """20 minutes; a longer stretch goes on in another recording."""
@@ -188,7 +188,7 @@ def frame_rate(times: NDArray[np.float64]) -> float:
         raise ValueError("it has no two frames at different times")
     usual = np.median(steps)
     measured = 1 / steps[np.abs(steps / usual - 1) < _RATE_TOLERANCE].mean()
-    fps = min(FRAME_RATES, key=lambda rate: abs(measured / rate - 1))
+    fps = min(VIDEO_FPS, key=lambda rate: abs(measured / rate - 1))
     if abs(measured / fps - 1) > _RATE_TOLERANCE:
         raise ValueError(f"its frames are at {measured:.3f} fps; expected 14.985 or 15")
     return fps

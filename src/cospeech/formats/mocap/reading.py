@@ -19,6 +19,7 @@ from cospeech.foreign import understood
 from cospeech.formats.mocap.takes import Take, Voice
 from cospeech.formats.phase_files import read_phases
 from cospeech.motion.bvh import UpAxis, read_bvh, read_bvh_skeleton
+from cospeech.motion.bvh_rate import PLAUSIBLE_FPS
 from cospeech.motion.joint_map import JointMap, find_joint_map
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PhaseSegment, frame_phases
@@ -29,8 +30,6 @@ from cospeech.speech.transcript import read_transcript_with_timing
 
 TOLERATED_S = 1.0
 TOLERATED_SHARE = 0.2
-PLAUSIBLE_FPS = (5.0, 250.0)
-"""Rates that motion capture is kept at; others mean that a file is cut off."""
 
 LOOK_CLOSER = "python -m cospeech.corpus doctor FOLDER looks closer"
 

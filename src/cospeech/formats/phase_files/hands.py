@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cospeech.formats.phase_files.labels import plain
+from cospeech.formats.phase_files.labels import normalised
 from cospeech.motion.phases import PHASES, PhaseSegment, frame_phases
 
 BUSIEST_FIRST = (
@@ -56,7 +56,7 @@ def side_of(text: str) -> str | None:
 
 def _words(name: str) -> list[str]:
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)  # PhaseLeft
-    return plain(apart).split()
+    return normalised(apart).split()
 
 
 def busier_hand(hands: Sequence[Sequence[PhaseSegment]]) -> list[PhaseSegment]:

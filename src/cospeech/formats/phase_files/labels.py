@@ -21,14 +21,14 @@ _SYNONYMS: dict[str, str] = {
     "retract": "retraction, recovery, retr, retracao, retraccion",
     "none": "no gesture, non gesture, nongesture, no phase, nothing, null",
 }
-"""Label -> what else it is called, as `plain` writes it.
+"""Label -> what else it is called, as `normalised` writes it.
 
 Kita, van Gijn and van der Hulst (1998) call a held meaningful pose an independent hold, McNeill a
 stroke hold; Kendon's recovery is the retraction. A rest between gestures is the nine-label scheme's
 rest hold: "none" is for hands that hang down or do something else."""
 
 
-def plain(text: str) -> str:
+def normalised(text: str) -> str:
     """Lower case, without accents, with single spaces for all that is no letter or digit.
 
     Text that has neither stays as it is.
@@ -38,7 +38,7 @@ def plain(text: str) -> str:
     return re.sub(r"[\W_]+", " ", letters.casefold()).strip() or text.strip()
 
 
-_MEANINGS = {plain(label): label for label in PHASES} | {
+_MEANINGS = {normalised(label): label for label in PHASES} | {
     synonym: label
     for label, synonyms in _SYNONYMS.items()
     for synonym in filter(None, map(str.strip, synonyms.split(",")))
@@ -46,7 +46,7 @@ _MEANINGS = {plain(label): label for label in PHASES} | {
 
 
 def phase_meanings(labels: Mapping[str, str] | None = None) -> dict[str, str]:
-    """What each label means, as `plain` writes it.
+    """What each label means, as `normalised` writes it.
 
     Args:
         labels: A user's own: text in the file -> name in `PHASES`. They go before the known ones.
@@ -60,4 +60,4 @@ def phase_meanings(labels: Mapping[str, str] | None = None) -> dict[str, str]:
                 f"the label {text!r} can't mean {label!r}: the phases are {', '.join(PHASES)}",
                 "correct data.phase_labels",
             )
-    return _MEANINGS | {plain(text): label for text, label in (labels or {}).items()}
+    return _MEANINGS | {normalised(text): label for text, label in (labels or {}).items()}

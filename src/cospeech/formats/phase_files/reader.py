@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import re
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -14,10 +12,11 @@ from cospeech.foreign import understood
 from cospeech.formats.phase_files.anvil import read_anvil
 from cospeech.formats.phase_files.elan import read_elan
 from cospeech.formats.phase_files.hands import are_hands, busier_hand
-from cospeech.formats.phase_files.labels import phase_meanings, plain
+from cospeech.formats.phase_files.labels import normalised, phase_meanings
 from cospeech.formats.phase_files.table import read_table
 from cospeech.formats.phase_files.tiers import Entry, Tier
 from cospeech.motion.phases import PHASES, PhaseSegment
+from cospeech.quoting import setting
 
 _READERS: dict[str, Callable[[Path], list[Tier]]] = {
     ".anvil": read_anvil,
@@ -77,7 +76,7 @@ def _segments(path: Path, tier: Tier, meanings: Mapping[str, str]) -> list[Phase
                 entry.place,
             )
         if entry.end_s > entry.start_s:
-            label = meanings[plain(entry.text)]
+            label = meanings[normalised(entry.text)]
             segments.append(PhaseSegment(entry.start_s, entry.end_s, label))
     if left_out := len(tier.entries) - len(segments):
         _log.info("%s: %d annotations without label or length", path, left_out)
@@ -108,7 +107,7 @@ def _choose(
     if not timed:
         raise InputFileError(path, tiers[0].problem, f"tier {tiers[0].name}")
     unknown = {
-        tier.name: [entry for entry in _written(tier) if plain(entry.text) not in meanings]
+        tier.name: [entry for entry in _written(tier) if normalised(entry.text) not in meanings]
         for tier in timed
     }
     fitting = [tier for tier in timed if not unknown[tier.name]]
@@ -119,7 +118,7 @@ def _choose(
         raise InputFileError(
             path,
             f"several tiers hold gesture phases: {several}",
-            hint=f"choose one: {_tier_setting(fitting[0])}",
+            hint=f"choose one: {setting('data.phase_tier', fitting[0].name)}",
         )
     if len(timed) == 1:
         first = unknown[timed[0].name][0]
@@ -134,24 +133,16 @@ def _choose(
     raise InputFileError(
         path,
         f"no tier holds gesture phases alone: {examples}",
-        hint=f"name the tier ({_tier_setting(timed[0])}), and what its labels mean"
-        f" ({_meaning(unknown[timed[0].name][0])}); phases are {', '.join(PHASES)}",
+        hint=f"name the tier ({setting('data.phase_tier', timed[0].name)}), and what its labels"
+        f" mean ({_meaning(unknown[timed[0].name][0])}); phases are {', '.join(PHASES)}",
     )
 
 
 def _meaning(entry: Entry) -> str:
     """How to say what an annotation's label means."""
-    text = plain(entry.text)  # case, accents and marks make no difference, and need no quoting
-    if re.fullmatch(
-        r"[a-z0-9 ]+|[?*@%|+-]+", text
-    ):  # what Hydra takes as a key, which can't be quoted
-        return f"'data.phase_labels={{{text}: stroke}}'"
-    return (
-        f"phase_labels: {{{json.dumps(text, ensure_ascii=False)}: stroke}} in conf/data/mocap.yaml"
-    )
-
-
-def _tier_setting(tier: Tier) -> str:
-    """How to name a tier, as it is typed in a shell."""
-    name = tier.name.replace("\\", "\\\\").replace('"', '\\"')
-    return shlex.quote(f'data.phase_tier="{name}"')
+    text = normalised(entry.text)  # case, accents and marks make no difference
+    try:
+        return setting("data.phase_labels", {text: "stroke"})
+    except ValueError:
+        key = json.dumps(text, ensure_ascii=False)
+        return f"phase_labels: {{{key}: stroke}} in conf/data/NAME.yaml, where data=NAME"

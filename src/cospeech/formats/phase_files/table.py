@@ -8,7 +8,7 @@ from pathlib import Path
 from cospeech.errors import InputFileError
 from cospeech.foreign import read_bytes
 from cospeech.formats.phase_files.hands import side_of
-from cospeech.formats.phase_files.labels import plain
+from cospeech.formats.phase_files.labels import normalised
 from cospeech.formats.phase_files.tiers import MAX_BYTES, MAX_ENTRIES, Entry, Tier, read_time
 
 _COLUMNS = {
@@ -51,7 +51,7 @@ def read_table(path: Path) -> list[Tier]:
         if columns is None:
             columns = _header(path, number, row)
             if columns is not None:
-                hand = next((i for i, cell in enumerate(row) if plain(cell) in _HAND), None)
+                hand = next((i for i, cell in enumerate(row) if normalised(cell) in _HAND), None)
                 continue
             columns = (0, 1, 2)
         place = f"line {number}"

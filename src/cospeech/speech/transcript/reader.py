@@ -18,7 +18,7 @@ from cospeech.speech.transcript.entries import (
     Transcript,
     require_few,
 )
-from cospeech.speech.transcript.json_shapes import parse_json
+from cospeech.speech.transcript.json_shapes import parse_json_transcript
 from cospeech.speech.transcript.labels import times_within
 from cospeech.speech.transcript.lines import is_bracketed, parse_bracketed
 from cospeech.speech.transcript.plausibility import plausible_words, require_columns, spoken_entries
@@ -35,8 +35,8 @@ _Parser = Callable[[Path, str], Entries]
 
 _BY_SUFFIX: dict[str, _Parser] = {
     ".textgrid": parse_textgrid,
-    ".json": parse_json,
-    ".jsonl": parse_json,
+    ".json": parse_json_transcript,
+    ".jsonl": parse_json_transcript,
     ".tsv": parse_table,
     ".ctm": parse_ctm,
     ".srt": parse_subtitles,
@@ -207,4 +207,4 @@ def _parser_for(path: Path, text: str) -> _Parser | None:
         if any(map(is_line, lines)):
             return parser
     is_list = start.startswith("[") and start[1:].lstrip()[:1] in ("", "{", "[", "]", '"')
-    return parse_json if start.startswith("{") or is_list else None
+    return parse_json_transcript if start.startswith("{") or is_list else None

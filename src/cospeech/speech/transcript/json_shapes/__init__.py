@@ -58,7 +58,7 @@ SHAPES: dict[str, _Shape] = {
 _TEXTS = ("transcript", "text", "display", "Display", "lexical", "DisplayText")
 
 
-def parse_json(path: Path, text: str) -> Entries:
+def parse_json_transcript(path: Path, text: str) -> Entries:
     """Entries of a JSON transcript; a word without times (not found in the audio) has None.
 
     Several documents in one file, one after another, are taken as a list of them.
