@@ -99,7 +99,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
     Readers cut audio, motion and words to one length; the lengths looked at here are those of the
     files.
     """
-    files = Files(*(str(path or take.path) for path in (take.motion, take.audio, take.transcript)))
+    files = _files(take, take.files)
     if take.left_out is not None:
         return Read(left_out=Counter([take.left_out]))
     findings = _missing(take)
@@ -107,9 +107,10 @@ def read_one_take(take: Take, settings: Settings) -> Read:
         if not findings:
             findings = [_unreadable(files.motion, CospeechError(take.problem or "no motion"))]
         return Read(findings=findings)
-    lengths = _lengths(take, settings)
-    if lengths is not None:
-        findings += check_lengths(lengths, files)
+    lengths = None
+    if (measured := _lengths(take, settings)) is not None:
+        sound, lengths = measured
+        findings += check_lengths(lengths, replace(files, audio=str(sound)))
     try:
         recording = read_take(
             take,
@@ -129,12 +130,13 @@ def read_one_take(take: Take, settings: Settings) -> Read:
     findings += [
         _about_file(remark, remark.path) for remark in recording.remarks if remark.path is not None
     ]
+    files = _files(take, recording.files)
     examination = examine_closely(recording, files, lengths)
     misplaced = {
         finding.check for finding in examination.findings if finding.file == files.words
     } & {Check.TRANSCRIPT, Check.DRIFT}
-    if lengths is not None and not misplaced:
-        findings += _words_of_file(take, recording.remarks, lengths.audio_s, files)
+    if lengths is not None and recording.speech.words is not None and not misplaced:
+        findings += _words_of_file(take, lengths.audio_s, files)
     return Read([replace(examination, findings=findings + examination.findings)])
 
 
@@ -192,6 +194,14 @@ def _open_store(path: str) -> Store:
     return Store(path)
 
 
+def _files(take: Take, among: Sequence[Path]) -> Files:
+    """What the parts of a take are called: the first of each kind among these files."""
+    kinds = ((take.path,), take.sounds, take.transcripts)
+    return Files(
+        *(str(next((path for path in kind if path in among), take.path)) for kind in kinds)
+    )
+
+
 def _missing(take: Take) -> list[Finding]:
     if take.motion is None and take.audio is not None:
         return [
@@ -220,8 +230,8 @@ def _missing(take: Take) -> list[Finding]:
     return []
 
 
-def _lengths(take: Take, settings: Settings) -> Lengths | None:
-    """Lengths of the files, from where the take starts in each; None where unknown.
+def _lengths(take: Take, settings: Settings) -> tuple[Path, Lengths] | None:
+    """The sound file, and lengths from where the take starts in each; None where unknown.
 
     A take that ends before its files is cut on purpose.
     """
@@ -230,33 +240,30 @@ def _lengths(take: Take, settings: Settings) -> Lengths | None:
     try:
         frames, fps = read_bvh_timing(take.motion, settings.frame_rate)
         motion_s = frames / fps - take.excerpt.motion_start
-        audio_s = _first_length(take.sounds) - take.excerpt.audio_start
+        sound, sound_s = _first_length(take.sounds)
+        audio_s = sound_s - take.excerpt.audio_start
     except CospeechError:
         return None  # the reader says what is wrong
-    return Lengths(motion_s, audio_s, fps) if motion_s > 0 and audio_s > 0 else None
+    if motion_s <= 0 or audio_s <= 0:
+        return None
+    return sound, Lengths(motion_s, audio_s, fps)
 
 
-def _first_length(sounds: Sequence[Path]) -> float:
-    """Seconds of the first sound file that can be read."""
+def _first_length(sounds: Sequence[Path]) -> tuple[Path, float]:
+    """The first sound file that can be read, and its seconds."""
     for path in sounds[:-1]:
         try:
-            return audio_seconds(path)
+            return path, audio_seconds(path)
         except CospeechError:
             continue
-    return audio_seconds(sounds[-1])
+    return sounds[-1], audio_seconds(sounds[-1])
 
 
-def _words_of_file(
-    take: Take, remarks: Sequence[Remark], audio_s: float, files: Files
-) -> list[Finding]:
-    unused = {remark.path for remark in remarks}
-    path = next((path for path in take.transcripts if path not in unused), None)
-    if path is None:
-        return []
+def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
     start = take.excerpt.audio_start
+    is_excerpt = take.excerpt.duration is not None
     try:
-        is_excerpt = take.excerpt.duration is not None
-        transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
+        transcript = read_transcript_with_timing(files.words, start + audio_s, goes_on=is_excerpt)
     except CospeechError:
         return []  # empty: the recording has no words, which is looked at with it
     noted = [_note(files, note) for note in transcript.notes]
