@@ -142,7 +142,8 @@ def test_settings_that_change_a_recording_change_the_store(tmp_path):
     base = data_module("mocap", tmp_path / "m", tmp_path / "s")
     assert base.settings() == {
         "missing_audio": "auto", "frame_rate": None, "unit_scale": None, "up_axis": "y",
-        "speaker": "folder", "licence": "",
+        "phase_tier": None, "phase_labels": {}, "speaker": "folder", "licence": "",
+        "joint_map": "None",
     }  # fmt: skip
     told = ("phase_tier=phase", "phase_labels={p2: stroke}")
     settings = data_module("mocap", tmp_path / "m", tmp_path / "s", *told).settings()
