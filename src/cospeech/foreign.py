@@ -130,7 +130,13 @@ def read_json(
     return parse_json(path, text, what, hint)
 
 
-def parse_json(path: str | Path, text: str, what: str, hint: str | None = None) -> Any:
+def parse_json(
+    path: str | Path,
+    text: str,
+    what: str,
+    hint: str | None = None,
+    most_containers: int = MOST_JSON_CONTAINERS,
+) -> Any:
     """The values of a JSON text.
 
     Half a surrogate pair, which no file can be written with, becomes U+FFFD.
@@ -139,7 +145,7 @@ def parse_json(path: str | Path, text: str, what: str, hint: str | None = None) 
         InputFileError: No JSON, too much of it, nested too deep, or a number of more than
             `MOST_DIGITS` digits.
     """
-    _require_few_containers(path, text, what, hint)
+    _require_few_containers(path, text, what, hint, most_containers)
     decoder = _decoder(text)
     try:
         values = decoder.decode(text)
@@ -154,7 +160,7 @@ def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None =
     Raises:
         InputFileError: As `parse_json`, or more than `MOST_DOCUMENTS`.
     """
-    _require_few_containers(path, text, what, hint)
+    _require_few_containers(path, text, what, hint, MOST_JSON_CONTAINERS)
     decoder = _decoder(text)
     documents: list[Any] = []
     place = _NOT_BLANK.search(text)
@@ -171,9 +177,11 @@ def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None =
     return _without_surrogates(documents) if _SURROGATE_ESCAPE.search(text) else documents
 
 
-def _require_few_containers(path: str | Path, text: str, what: str, hint: str | None) -> None:
-    if text.count("[") + text.count("{") > MOST_JSON_CONTAINERS:
-        problem = f"too large for {what} (over {MOST_JSON_CONTAINERS} lists and objects)"
+def _require_few_containers(
+    path: str | Path, text: str, what: str, hint: str | None, most: int
+) -> None:
+    if text.count("[") + text.count("{") > most:
+        problem = f"too large for {what} (over {most} lists and objects)"
         raise InputFileError(path, problem, hint=hint)
 
 

@@ -55,8 +55,11 @@ def _published_trimodal(path: Path) -> None:
 
 
 def _store(path: Path) -> None:
+    from cospeech.corpus.manifest import write_checksums
     from cospeech.corpus.store import Store
 
+    # Checksums refuse nearly everything; whoever means harm writes them, too.
+    write_checksums(path.parent)
     store = Store(path.parent)
     store.facts()
     store.describe()
