@@ -286,6 +286,7 @@ NO_READERS = {
     "nn.checkpoints": "opens checkpoints as a reader above does",
     "doctor.reading": "opens what the readers above open",
     "formats.mocap.reading": "opens what the readers above open",
+    "formats.mocap.side_files": "opens what the readers above open",
     "methods.knn_cgan.pair_windows": "windows of an open store",
     "methods.trimodal.style": "no file",
     "speech.espeak": "what a process of ours says",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -27,6 +28,7 @@ from cospeech.speech.audio import audio_seconds
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.transcript import read_transcript_with_timing
 
+_log = logging.getLogger(__name__)
 _TIME = re.compile(r"\bat ([0-9.]+) s\b")
 _FRAME = re.compile(r"\bframe (\d+)\b")
 
@@ -90,7 +92,7 @@ def read(item: Take | Source | StoredPart, settings: Settings) -> Read:
             return read_stored(item)
         return read_source(item)
     except Exception as error:
-        return Read(findings=[_unreadable(name, explained(error))])
+        return Read(findings=[_unreadable(name, error)])
 
 
 def read_one_take(take: Take, settings: Settings) -> Read:
@@ -125,7 +127,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
         # Lengths that can't belong together are what the reader stops at.
         if not any(finding.check in (Check.LENGTHS, Check.DRIFT) for finding in findings):
             fps = settings.frame_rate or (lengths.fps if lengths else None)
-            findings.append(_unreadable(files.motion, explained(error), fps))
+            findings.append(_unreadable(files.motion, error, fps))
         return Read(findings=findings)
     findings += [
         _about_file(remark, remark.path) for remark in recording.remarks if remark.path is not None
@@ -154,7 +156,7 @@ def read_source(source: Source) -> Read:
             else:
                 result.left_out[item.kind] += 1
     except Exception as error:
-        result.findings.append(_unreadable(f"{name} ({source.id})", explained(error)))
+        result.findings.append(_unreadable(f"{name} ({source.id})", error))
     return result
 
 
@@ -312,8 +314,14 @@ def _about_file(remark: Remark, path: Path) -> Finding:
     )
 
 
-def _unreadable(name: str, error: CospeechError, fps: float | None = None) -> Finding:
-    """An error as a finding, with the file and the time that it tells."""
+def _unreadable(name: str, whatever: Exception, fps: float | None = None) -> Finding:
+    """An error as a finding, with the file and the time that it tells.
+
+    Where an unexpected one came from is logged.
+    """
+    error = explained(whatever)
+    if error is not whatever:
+        _log.error("reading %s", name, exc_info=whatever)
     place = (error.place or "") if isinstance(error, InputFileError) else ""
     time, frame = _TIME.search(place), _FRAME.search(place)
     time_s = float(time[1]) if time else int(frame[1]) / fps if frame and fps else None
