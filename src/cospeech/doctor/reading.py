@@ -267,7 +267,9 @@ def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
     try:
         transcript = read_transcript_with_timing(files.words, start + audio_s, goes_on=is_excerpt)
     except CospeechError:
-        return []  # empty: the recording has no words, which is looked at with it
+        return []  # taken by a hair with the length of the recording
+    if not transcript.words:
+        return []  # looked at with the recording
     noted = [_note(files, note) for note in transcript.notes]
     if transcript.timing == SPREAD_TIMING:
         return noted
