@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
@@ -51,6 +52,7 @@ _BY_LINE: tuple[tuple[Callable[[str], bool], _Parser], ...] = (
 )
 """How one line of a format looks, for files whose name doesn't say it."""
 
+_CHAT = re.compile(r"\A\s*(?:@UTF8\s+)?(?:@\w[\w ]*:.*\n)*@Begin\s")
 _LINES_LOOKED_AT = 50
 _MOST_TIMES, _FEWEST_TIMES = 0.2, 3  # share of a plain text's words, or of its lines; and a number
 _WHAT = "a transcript"
@@ -183,6 +185,12 @@ def _read_text(path: Path) -> str:
             path,
             "is a TextGrid in Praat's binary form",
             hint="in Praat: select the TextGrid, Save as text file",
+        )
+    if _CHAT.search(text):
+        raise InputFileError(
+            path,
+            "is a CHAT transcript",
+            hint="convert it with CLAN: chat2praat makes a TextGrid of it, chat2srt subtitles",
         )
     if "\0" in text:
         raise InputFileError(
