@@ -27,7 +27,6 @@ from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.window_loader import ServesWindows, WindowLoader, WindowReader, open_windows
 from cospeech.corpus.windows import NO_UPPER_BODY_HINT
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.motion.joint_map import JointMap
 from cospeech.progress import progress_bar
 
 logger = logging.getLogger(__name__)
@@ -105,10 +104,6 @@ class StoreDataModule(LightningDataModule):
     def settings(self) -> dict[str, Any]:
         """What the recordings depend on besides their files, as JSON values."""
 
-    def evaluation_joints(self) -> JointMap | None:
-        """Where the evaluation joints are; None: found by the joints' names."""
-        return None
-
     @property
     def upper_body(self) -> bool:
         """Whether the corpus has the ten evaluation joints."""
@@ -145,7 +140,6 @@ class StoreDataModule(LightningDataModule):
             "settings": self.settings(),
             "files": [[path.relative_to(root).as_posix(), *_stamp(path)] for path in files],
             "sources": len(self.sources),
-            "joint_map": repr(self.evaluation_joints()),
             "split": [self.split, self.val_share, self.test_share, self.split_seed],
             "max_recordings": self.max_recordings,
         }

@@ -80,7 +80,7 @@ class MocapCorpus(StoreDataModule):
         phase_meanings(self.phase_labels)
 
     def evaluation_joints(self) -> JointMap | None:
-        """The user's choice, if any."""
+        """Where they are by the user's choice; None: found by the joints' names."""
         return None if self.joint_map is None else load_joint_map(self.joint_map)
 
     @abstractmethod
@@ -106,13 +106,13 @@ class MocapCorpus(StoreDataModule):
         return [examined_source(source) for source in sources]
 
     def settings(self) -> dict[str, Any]:
-        """The corpus's own settings; what tables and joint maps say is known by themselves."""
+        """The corpus's own settings, of which tables are known by themselves."""
         elsewhere = {one.name for one in fields(StoreDataModule)}
-        elsewhere |= {"root", "split_list", "offsets", "joint_map"}
-        # Where they say nothing, a store that was made before they could be said stays good.
-        elsewhere |= {name for name in ("phase_tier", "phase_labels") if not getattr(self, name)}
+        elsewhere |= {"root", "split_list", "offsets"}
         names = [one.name for one in fields(self) if one.name not in elsewhere]
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in names} | {
+            "joint_map": repr(self.evaluation_joints())
+        }
 
 
 @dataclass(kw_only=True, eq=False)

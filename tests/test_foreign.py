@@ -99,6 +99,23 @@ def test_patterns_take_time_in_proportion_to_the_text() -> None:
     assert linear_pattern("É|x", ignore_case=True).fullmatch("é") is not None
 
 
+@pytest.mark.parametrize(
+    ("text", "fitting", "other"),
+    [
+        (r"\w+", "Jörg", "J\udcf6rg"),
+        (r"\d+\D", "٣x", "ab"),
+        (r"\W", "¡", "ö"),
+        (r"[^\w:]+", "-", "ö"),
+        (r"[[:digit:]\w]+", "1ö", "-"),
+        (r"[]\w]+", "]ö", "-"),
+        (r"\[\w\]", "[ö]", "ö"),
+    ],
+)
+def test_classes_of_a_pattern_are_of_every_alphabet(text, fitting, other) -> None:
+    assert linear_pattern(text).fullmatch(fitting) is not None
+    assert linear_pattern(text).fullmatch(other) is None
+
+
 @pytest.mark.parametrize("text", ["(", r"(a)\1", "(?=a)", "a{100000}", "[z-a]"])
 def test_patterns_that_are_refused(text: str) -> None:
     with pytest.raises(CospeechError, match="no regular expression"):

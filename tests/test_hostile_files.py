@@ -2,8 +2,8 @@
 
 import collections
 import io
-import json
 import pickle
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from cospeech.corpus.build_folder import BuildFolder
+from cospeech.corpus.manifest import write_checksums, write_manifest
 from cospeech.corpus.store import Store
 from cospeech.encoders import encoder_for, keep_encoder
 from cospeech.errors import InputFileError
@@ -82,6 +83,7 @@ def store(tmp_path_factory):
         {"splits": {"train": [[99, 0, 1]]}},
         {"splits": [1]},
         {"skeletons": []},
+        {"remarks": None},
         {"skeletons": [{"name": "a"}]},
         {"recordings": {"id": ["a"]}},
         {"rows": {}},
@@ -96,7 +98,8 @@ def test_manifest_values_of_other_types(store, tmp_path, change):
     for path in store.path.iterdir():
         if path.suffix == ".bin":
             (folder / path.name).symlink_to(path)
-    (folder / "manifest.json").write_text(json.dumps({**store.manifest, **change}))
+    shutil.copy(store.path / "vocabulary.json", folder)
+    write_manifest(folder, {**store.manifest, **change})
     with pytest.raises(InputFileError, match=r"manifest\.json") as caught:
         Store(folder)
     assert "it will be rebuilt" in caught.value.hint
@@ -111,6 +114,13 @@ def test_one_flipped_byte_of_a_store_is_found(tmp_path, name):
         _ = Store(path.parent).vocabulary
 
 
+def test_a_store_without_checksums_is_not_whole(tmp_path):
+    folder = make_store(tmp_path).path
+    (folder / "checksums.json").unlink()
+    with pytest.raises(InputFileError, match=r"checksums\.json.*\n.*it will be rebuilt"):
+        Store(folder)
+
+
 def read_all(folder):
     store = Store(folder)
     return store.vocabulary, store.annotations(0)
@@ -120,8 +130,8 @@ def read_all(folder):
 @pytest.mark.parametrize("name", ["manifest.json", "vocabulary.json", "annotations.jsonl"])
 def test_side_files_of_a_store_that_are_no_json(tmp_path, name, content):
     path = make_store(tmp_path).path / name
-    (path.parent / "checksums.json").unlink()
     path.write_bytes(content)
+    write_checksums(path.parent)
     with pytest.raises(InputFileError) as caught:
         read_all(path.parent)
     assert "it will be rebuilt" in caught.value.hint

@@ -11,7 +11,7 @@ import json
 import logging
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,13 @@ _LONG_NUMBER = re.compile(rf"[0-9]{{{MOST_DIGITS + 1}}}")
 _NOT_BLANK = re.compile(r"\S")
 _SURROGATE_ESCAPE = re.compile(r"\\u[dD][89a-fA-F]")
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
+_ESCAPE_OR_BRACKET = re.compile(r"\\.|\[:\^?[a-z]+:\]|\[\^?\]?|\]", re.DOTALL)
+_CLASSES = {
+    r"\w": r"\p{L}\p{M}\p{N}_",
+    r"\W": r"\p{Pd}\p{Ps}\p{Pe}\p{Pi}\p{Pf}\p{Po}\p{S}\p{Z}\p{C}",
+    r"\d": r"\p{Nd}",
+    r"\D": r"\P{Nd}",
+}
 
 
 @contextmanager
@@ -123,7 +130,13 @@ def read_json(
     return parse_json(path, text, what, hint)
 
 
-def parse_json(path: str | Path, text: str, what: str, hint: str | None = None) -> Any:
+def parse_json(
+    path: str | Path,
+    text: str,
+    what: str,
+    hint: str | None = None,
+    most_containers: int = MOST_JSON_CONTAINERS,
+) -> Any:
     """The values of a JSON text.
 
     Half a surrogate pair, which no file can be written with, becomes U+FFFD.
@@ -132,7 +145,7 @@ def parse_json(path: str | Path, text: str, what: str, hint: str | None = None) 
         InputFileError: No JSON, too much of it, nested too deep, or a number of more than
             `MOST_DIGITS` digits.
     """
-    _require_few_containers(path, text, what, hint)
+    _require_few_containers(path, text, what, hint, most_containers)
     decoder = _decoder(text)
     try:
         values = decoder.decode(text)
@@ -147,7 +160,7 @@ def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None =
     Raises:
         InputFileError: As `parse_json`, or more than `MOST_DOCUMENTS`.
     """
-    _require_few_containers(path, text, what, hint)
+    _require_few_containers(path, text, what, hint, MOST_JSON_CONTAINERS)
     decoder = _decoder(text)
     documents: list[Any] = []
     place = _NOT_BLANK.search(text)
@@ -164,9 +177,11 @@ def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None =
     return _without_surrogates(documents) if _SURROGATE_ESCAPE.search(text) else documents
 
 
-def _require_few_containers(path: str | Path, text: str, what: str, hint: str | None) -> None:
-    if text.count("[") + text.count("{") > MOST_JSON_CONTAINERS:
-        problem = f"too large for {what} (over {MOST_JSON_CONTAINERS} lists and objects)"
+def _require_few_containers(
+    path: str | Path, text: str, what: str, hint: str | None, most: int
+) -> None:
+    if text.count("[") + text.count("{") > most:
+        problem = f"too large for {what} (over {most} lists and objects)"
         raise InputFileError(path, problem, hint=hint)
 
 
@@ -218,13 +233,33 @@ def parse_yaml(path: str | Path, text: str, what: str, hint: str | None = None) 
     return values
 
 
-def linear_pattern(text: str, ignore_case: bool = False) -> Any:
-    """A regular expression whose search takes time in proportion to the text, whatever it says.
+class LinearPattern:
+    """A regular expression whose search takes time in proportion to the text; `linear_pattern`.
 
-    RE2 knows neither look-around nor references back to a group.
+    Attributes:
+        groups: How many groups it has.
+        groupindex: Name of a group -> its number.
+    """
 
-    Returns:
-        A compiled pattern with the methods of `re.Pattern`.
+    def __init__(self, compiled: Any) -> None:
+        self._compiled = compiled
+        self.groups: int = compiled.groups
+        self.groupindex: Mapping[str, int] = compiled.groupindex
+
+    def search(self, text: str) -> Any:
+        """A match as of `re`, or None; what no file can be written with is searched as ``?``."""
+        return self._compiled.search(_encodable(text))
+
+    def fullmatch(self, text: str) -> Any:
+        """As `search`, of the whole text."""
+        return self._compiled.fullmatch(_encodable(text))
+
+
+def linear_pattern(text: str, ignore_case: bool = False) -> LinearPattern:
+    r"""A regular expression whose search takes time in proportion to the text, whatever it says.
+
+    It is RE2's, without look-around and references back to a group; ``\w`` and ``\d`` are of every
+    alphabet.
 
     Raises:
         CospeechError: It is no such expression.
@@ -233,7 +268,7 @@ def linear_pattern(text: str, ignore_case: bool = False) -> Any:
     options.log_errors = False
     options.case_sensitive = not ignore_case
     try:
-        return re2.compile(text, options)
+        return LinearPattern(re2.compile(_in_every_alphabet(text), options))
     except (re2.error, ValueError, OverflowError, UnicodeError) as error:
         reason = error.args[0] if error.args else error
         told = reason.decode("utf-8", "replace") if isinstance(reason, bytes) else str(reason)
@@ -241,6 +276,29 @@ def linear_pattern(text: str, ignore_case: bool = False) -> Any:
             f"{text[:200]!r} is no regular expression that is taken here: {told[:200]}",
             "look-around ((?=...), (?<!...)) and references (\\1) are not known",
         ) from None
+
+
+def _encodable(text: str) -> str:
+    """The text with ``?`` for half a surrogate pair, as in a file name that is not UTF-8."""
+    return text.encode("utf-8", "replace").decode()
+
+
+def _in_every_alphabet(pattern: str) -> str:
+    r"""The pattern with ``\w`` and ``\d`` spelt out, which are a to z and 0 to 9 alone in RE2."""
+    inside = False
+
+    def spelled(found: re.Match[str]) -> str:
+        nonlocal inside
+        sign = found.group()
+        if sign in _CLASSES:
+            return _CLASSES[sign] if inside else f"[{_CLASSES[sign]}]"
+        if sign == "]":
+            inside = False
+        elif sign[0] == "[" and not sign.startswith("[:"):
+            inside = True
+        return sign
+
+    return _ESCAPE_OR_BRACKET.sub(spelled, pattern)
 
 
 class _PlainLoader(yaml.SafeLoader):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import errno
 import io
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -70,6 +72,21 @@ def keep_printing() -> None:
             line_buffering=True,
         )
         setattr(sys, name, replacement)
+
+
+def number_between(least: float, most: float) -> Callable[[str], float]:
+    """For `argparse`: what reads an option's text as a number from ``least`` to ``most``."""
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"a number from {least:g} to {most:g}, not {text}")
+        return value
+
+    return number
 
 
 def exit_status(main: Callable[[], int]) -> int:

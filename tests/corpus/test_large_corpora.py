@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech.corpus.manifest import read_manifest, write_manifest
 from cospeech.corpus.recording import WindowList
 from cospeech.corpus.split_facts import FRAMES_AT_ONCE, upper_body_statistics
-from cospeech.corpus.splits import Span
+from cospeech.corpus.splits import SPLITS, Span
+from cospeech.corpus.store import SCHEMA_VERSION
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.evaluation import real_windows
@@ -92,3 +94,11 @@ def test_longer_recordings_stand_for_themselves(tmp_path):
     store = store_of(tmp_path, seconds=44 / 15)
     _, groups = real_windows(store, store.splits["test"])
     assert groups == [f"t{i}" for i in (1, 1, 2, 2, 3, 3, 4, 4, 5, 5)]
+
+
+def test_the_splits_of_very_many_recordings_are_read(mixed, tmp_path):
+    """Three spans of each of 200,000: more lists than any other file may hold."""
+    splits = dict.fromkeys(SPLITS, [[0, 0, 20]] * 200_000)
+    (tmp_path / "vocabulary.json").write_text("[]")
+    write_manifest(tmp_path, mixed.manifest | {"splits": splits})
+    assert read_manifest(tmp_path, SCHEMA_VERSION)["splits"] == splits

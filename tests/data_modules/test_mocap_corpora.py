@@ -119,6 +119,14 @@ def test_a_folders_name_is_made_fit_for_paths_and_shells(tmp_path):
     assert data_module("mocap", root, tmp_path / "s").corpus_name == "mocap-na_mé__x_1"
 
 
+def test_speakers_of_every_alphabet_and_names_that_are_no_utf_8(tmp_path):
+    for path in ("Jörg/a.bvh", "Jörg/b.bvh", "J\udcf6rg/n\udcfc.bvh"):
+        put_bvh(tmp_path / "m" / path, swinging(TRINITY_BODY, path[0], 3.0, 10))
+    mine = ("split=recordings", r"speaker='^(\w+)'")
+    store = data_module("mocap", tmp_path / "m", tmp_path / "s", *mine).prepare_store()
+    assert [one.speaker for one in store.recordings] == ["Jörg", "Jörg", "J"]
+
+
 def test_motion_without_audio(tmp_path):
     put_bvh(tmp_path / "m" / "a.bvh", swinging(TRINITY_BODY, "a", 20.0, 30))
     skipping = ("missing_audio=skip", "strict=true")
@@ -134,7 +142,8 @@ def test_settings_that_change_a_recording_change_the_store(tmp_path):
     base = data_module("mocap", tmp_path / "m", tmp_path / "s")
     assert base.settings() == {
         "missing_audio": "auto", "frame_rate": None, "unit_scale": None, "up_axis": "y",
-        "speaker": "folder", "licence": "",
+        "phase_tier": None, "phase_labels": {}, "speaker": "folder", "licence": "",
+        "joint_map": "None",
     }  # fmt: skip
     told = ("phase_tier=phase", "phase_labels={p2: stroke}")
     settings = data_module("mocap", tmp_path / "m", tmp_path / "s", *told).settings()

@@ -198,6 +198,23 @@ def test_words_after_the_end_of_the_file(folder, takes):
     assert "lie outside" in finding.problem
 
 
+def test_findings_are_about_the_files_that_are_used(folder, takes):
+    """A preferred transcript and sound that can't be read lie beside them."""
+    name = takes[0].id
+    (folder / f"{name}.TextGrid").write_text("no textgrid")
+    sound, rate = soundfile.read(folder / f"{name}.wav")
+    soundfile.write(folder / f"{name}.flac", sound.clip(-0.4, 0.4), rate)
+    replaced(folder / f"{name}.wav").write_bytes(b"no sound")
+    words = folder / f"{name}.tsv"
+    write_words(replaced(words), moved_words(takes[0], 0.6))
+    findings = [one for one in check_path(folder).findings if f"{name}." in one.file]
+    broken = {one.file for one in findings if one.check is Check.UNREADABLE}
+    assert broken == {str(folder / f"{name}.TextGrid"), str(folder / f"{name}.wav")}
+    assert the_error(findings, Check.TRANSCRIPT).file == str(words)
+    (clipped,) = (one for one in findings if one.check is Check.CLIPPED)
+    assert clipped.file == str(folder / f"{name}.flac")
+
+
 def test_transcripts_under_each_others_name(folder, takes):
     names = [folder / f"{takes[i].id}.tsv" for i in (0, 3)]
     for name, take in zip(names, (takes[3], takes[0]), strict=True):

@@ -1,5 +1,6 @@
 """What the doctor calls an error of body or sound is dropped by `prepare`, in the same words."""
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -164,7 +165,7 @@ def test_one_who_listens_in_a_dialogue_may_be_silent(folder):
     assert [remark.kind for remark in recording.remarks] == ["silent audio"]
 
 
-def test_an_unexpected_error_is_a_finding_about_its_file(folder, monkeypatch):
+def test_an_unexpected_error_is_a_finding_about_its_file(folder, monkeypatch, caplog):
     def broken(path, **_):
         raise ZeroDivisionError("by nought") if path.stem == "good1" else RecursionError
 
@@ -174,6 +175,10 @@ def test_an_unexpected_error_is_a_finding_about_its_file(folder, monkeypatch):
     first = checkup.findings[0]
     assert first.file.endswith("good1.bvh")
     assert first.problem.startswith("unexpected ZeroDivisionError: by nought (reading.py, line ")
+    assert "the command's log has the traceback" in first.next_step
+    logged = [record for record in caplog.records if record.levelno == logging.ERROR]
+    assert "good1.bvh" in logged[0].getMessage()
+    assert [type(record.exc_info[1]) for record in logged] == [ZeroDivisionError, RecursionError]
 
 
 def test_motion_without_audio_is_told_of_in_the_words_of_prepare(folder, tmp_path):

@@ -129,6 +129,13 @@ def test_a_store_cut_short(takes, tmp_path):
     assert "delete" in finding.next_step
 
 
+@pytest.mark.parametrize("scale", ["0", "-1", "1001", "nan", "cm"])
+def test_a_unit_that_no_file_has_is_refused_as_by_the_corpora(scale, capsys):
+    with pytest.raises(SystemExit):
+        main(["doctor", "folder", f"--unit-scale={scale}"])
+    assert f"a number from 1e-06 to 1000, not {scale}" in capsys.readouterr().err
+
+
 def test_the_command_line(takes, tmp_path, capsys):
     folder = tmp_path / "raw"
     folder.mkdir()

@@ -73,6 +73,14 @@ def test_an_untrained_generator_is_not_the_best(outputs, tmp_path):
         evaluate(cfg)
 
 
+def test_nobody_speaks_where_the_transcript_is_empty(outputs, tmp_path, caplog):
+    run = outputs.run("trimodal", below="said")
+    empty = tmp_path / "empty.txt"
+    empty.write_text("\n")
+    assert len(spoken(outputs, run, tmp_path, f"transcript={empty}"))
+    assert f"{empty}: the file is empty: nobody speaks" in caplog.messages
+
+
 def test_methods_with_stages_declare_where_they_stand(outputs):
     for name, (kind, arguments) in METHODS.items():
         method = kind(outputs.facts, **arguments)

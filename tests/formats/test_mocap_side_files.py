@@ -45,6 +45,8 @@ def test_where_the_preferred_transcript_can_not_be_used_the_next_is(tmp_path):
     recording = read_take(take)
     assert words_of(recording.speech) == [("hello", 0.2, 0.6)]
     assert [remark.path.name for remark in recording.remarks] == ["t.TextGrid", "t.json"]
+    assert all("t.tsv is used as a transcript" in remark.text for remark in recording.remarks)
+    assert recording.source == "t.bvh + t.wav + t.tsv"
     assert {remark.kind for remark in recording.remarks} == {
         "a transcript that can't be used; another is"
     }
@@ -55,7 +57,7 @@ def test_a_reader_that_breaks_costs_the_words_alone(tmp_path, monkeypatch, kind)
     def broken(*_):
         raise kind("oh")
 
-    monkeypatch.setattr("cospeech.formats.mocap.reading.read_transcript_with_timing", broken)
+    monkeypatch.setattr("cospeech.formats.mocap.side_files.read_transcript_with_timing", broken)
     put_take(tmp_path, words="0.2\t0.6\thello\n")
     recording = read_take(*find_takes(tmp_path))
     assert recording.speech.words is None
@@ -70,6 +72,7 @@ def test_annotations_without_phases_cost_the_phases_and_a_tier_and_labels_mend_i
     assert recording.phases is None
     (remark,) = recording.remarks
     assert remark.path == tmp_path / "t.eaf"
+    assert recording.source == "t.bvh + t.wav"
     assert "data.phase_tier=" in remark.advice
     assert "data.phase_labels=" in remark.advice
     (source,) = take_sources(takes, phase_tier="my tier", phase_labels={"p2": "stroke"})
@@ -169,6 +172,7 @@ def test_where_the_preferred_sound_can_not_be_read_the_next_is(tmp_path):
     recording = read_take(take)
     assert np.abs(recording.speech.waveform).max() > 0.1
     assert [remark.path.name for remark in recording.remarks] == ["t.wav"]
+    assert recording.source == "t.bvh + t.flac"
 
 
 @pytest.mark.parametrize(

@@ -55,8 +55,11 @@ def _published_trimodal(path: Path) -> None:
 
 
 def _store(path: Path) -> None:
+    from cospeech.corpus.manifest import write_checksums
     from cospeech.corpus.store import Store
 
+    # Checksums refuse nearly everything; whoever means harm writes them, too.
+    write_checksums(path.parent)
     store = Store(path.parent)
     store.facts()
     store.describe()
@@ -282,6 +285,7 @@ NO_READERS = {
     "nn.checkpoints": "opens checkpoints as a reader above does",
     "doctor.reading": "opens what the readers above open",
     "formats.mocap.reading": "opens what the readers above open",
+    "formats.mocap.side_files": "opens what the readers above open",
     "methods.knn_cgan.pair_windows": "windows of an open store",
     "methods.trimodal.style": "no file",
     "speech.espeak": "what a process of ours says",

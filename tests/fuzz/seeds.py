@@ -122,8 +122,6 @@ def _corpus(folder: Path):
 def stores(folder: Path) -> list[Path]:
     shutil.rmtree(folder / "made", ignore_errors=True)
     store = _corpus(folder)
-    # Checksums refuse nearly everything; whoever means harm leaves them out.
-    (store.path / "checksums.json").unlink()
     names = ("manifest.json", "vocabulary.json", "annotations.jsonl", "positions.bin")
     return [store.path / name for name in names]
 

@@ -281,6 +281,12 @@ def test_a_skeleton_of_unknown_names_is_labelled_with_a_map(recordings, trained,
     arguments = ["label", str(bvh), "--classifier", weights, "--out", str(tmp_path)]
     assert main(arguments) == 0
     table = (tmp_path / "take.phases.csv").read_text()
+    write_bvh(bvh, motion, unit_scale=1.0)
+    assert main([*arguments, "--unit-scale", "1"]) == 0
+    assert (tmp_path / "take.phases.csv").read_text() == table
+    assert main([*arguments, "--unit-scale", "1", "--up-axis", "z"]) == 0
+    assert (tmp_path / "take.phases.csv").read_text() != table
+    write_bvh(bvh, motion)
     # fingers are found by their English names, so those stay in the new ones
     bvh.write_text(re.sub(r"(JOINT|ROOT) (\w+)", r"\1 \2Bone", bvh.read_text()))
     assert main(arguments) == 1

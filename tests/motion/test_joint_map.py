@@ -413,14 +413,6 @@ def test_the_template_is_a_map(tmp_path):
     assert joint_map.hips == ("RightUpLeg", "LeftUpLeg")
 
 
-def test_maps_of_a_folder_go_before_packaged_ones(tmp_path):
-    skeleton = skeleton_for(load_joint_map("trinity"))
-    lines = [f"  {name}: Hips" for name in EVALUATION_JOINTS]
-    (tmp_path / "mine.yaml").write_text("joints:\n" + "\n".join(lines))
-    assert find_joint_map(skeleton, [tmp_path]).name == "mine"
-    assert find_joint_map(skeleton).name == "trinity"
-
-
 ALIASES = "a0: &a0 [x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 9))
 GOOD = "joints:\n" + "".join(f"  {name}: j\n" for name in EVALUATION_JOINTS)
 

@@ -467,9 +467,6 @@ def test_broken_files_name_the_place(tmp_path, name, content, message):
 
 
 EMPTY = {
-    "a.txt": "",
-    "b.txt": " \n\n",
-    "a.tsv": "",
     "b.tsv": "start\tend\tword\n0.0\t1.0\tsil\n",
     "a.json": "[]",
     "b.json": '{"words": [], "transcript": ""}',
@@ -483,6 +480,24 @@ def test_an_empty_transcript_points_to_the_audio_alone(tmp_path, name, content):
     (tmp_path / name).write_text(content)
     with pytest.raises(InputFileError, match=r"(?s)transcript.*leave it out.*the audio alone"):
         read_transcript(tmp_path / name, duration_s=1.0)
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.cha", "a.tsv"])
+@pytest.mark.parametrize("head", ["@Begin", "@UTF8\n@PID:\t11312/c-00016447-1\n@Begin"])
+def test_chat_is_refused_by_its_name(tmp_path, name, head):
+    said = "*CHI:\tmore cookie . \x151234_5678\x15\n%mor:\tqn|more n|cookie .\n@End\n"
+    (tmp_path / name).write_text(f"{head}\n@Languages:\teng\n{said}")
+    with pytest.raises(InputFileError, match=r"is a CHAT transcript\n  -> .*chat2praat"):
+        read_transcript(tmp_path / name, 6.0)
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.tsv", "a.json", "a.TextGrid"])
+@pytest.mark.parametrize("content", [b"", b" \n\n", b"\xef\xbb\xbf", b"\xff\xfe\n\0"])
+def test_nobody_speaks_where_the_file_is_empty(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    found = read_transcript_with_timing(tmp_path / name)
+    assert found.words == ()
+    assert "nobody speaks" in found.notes[0]
 
 
 def test_missing_folder_encoding_and_size(tmp_path, monkeypatch):

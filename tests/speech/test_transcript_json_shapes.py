@@ -236,6 +236,27 @@ def test_parts_of_words_are_joined(tmp_path):
     assert times(read_transcript(tmp_path / "a.json")) == [("你", 0.0, 0.4), ("好", 0.4, 0.8)]
 
 
+def azure_phrase(text, offset, **more):
+    best = {"lexical": text.lower(), "display": text} | more
+    ticks = {"offsetInTicks": offset * 1e7, "durationInTicks": 1e7}
+    return ticks | {"offset": f"PT{offset}S", "duration": "PT1S", "nBest": [best]}
+
+
+def test_phrases_of_azure_without_word_times_are_spread(tmp_path):
+    path = tmp_path / "a.json"
+    phrases = [azure_phrase("So it.", 1), azure_phrase("", 2), azure_phrase("Turns.", 3)]
+    path.write_text(json.dumps({"recognizedPhrases": phrases}))
+    transcript = read_transcript_with_timing(path, 6.0)
+    assert times(transcript.words) == [("So", 1.0, 1.5), ("it.", 1.5, 2.0), ("Turns.", 3.0, 4.0)]
+    assert (transcript.timing, transcript.notes) == ("spread", ())
+    words = [{"word": "slowly", "offsetInTicks": 5e7, "durationInTicks": 4e6}]
+    phrases.append(azure_phrase("Slowly.", 5, words=words))
+    path.write_text(json.dumps({"recognizedPhrases": phrases[2:]}))
+    transcript = read_transcript_with_timing(path, 6.0)
+    assert times(transcript.words) == [("Turns.", 3.0, 4.0), ("slowly", 5.0, 5.4)]
+    assert transcript.notes == ("1 segment of 2 without word times: the words were spread over it",)
+
+
 def test_a_segment_that_was_not_aligned_is_spread():
     failed = WILD / "whisperx_unaligned_segment/whisperx_failed_segment.json"
     transcript = read_transcript_with_timing(failed, 7.0)

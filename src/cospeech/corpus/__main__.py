@@ -15,8 +15,9 @@ from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_repo
 from cospeech.errors import CospeechError
 from cospeech.motion.bvh import UP_AXES
 from cospeech.motion.joint_map import load_joint_map
+from cospeech.motion.joint_map_values import UNIT_SCALES
 from cospeech.motion.phases import PHASES
-from cospeech.terminal import exit_status
+from cospeech.terminal import exit_status, number_between
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -76,7 +77,10 @@ def _parser() -> argparse.ArgumentParser:
     doctor.add_argument("--joint-map", metavar="MAP", help="name or yaml of a joint map")
     doctor.add_argument("--frame-rate", type=_above_zero, metavar="FPS", help="rate of BVH rows")
     doctor.add_argument(
-        "--unit-scale", type=_above_zero, metavar="METRES", help="metres per unit of BVH files"
+        "--unit-scale",
+        type=number_between(*UNIT_SCALES),
+        metavar="METRES",
+        help="metres per unit of BVH files",
     )
     doctor.add_argument(
         "--up-axis", choices=UP_AXES, default="y", help="vertical axis of BVH files"

@@ -139,6 +139,6 @@ def json_line(values: Any) -> bytes:
 def write_json(path: Path, values: Any) -> None:
     """Write a JSON file through to the disk."""
     with path.open("w") as file:
-        json.dump(values, file)
+        file.write(json.dumps(values))  # `json.dump` takes five times as long
         file.flush()
         os.fsync(file.fileno())

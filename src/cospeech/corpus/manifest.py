@@ -15,6 +15,9 @@ from cospeech.foreign import parse_json, read_bytes, understood
 MANIFEST, VOCABULARY, CHECKSUMS = "manifest.json", "vocabulary.json", "checksums.json"
 MOST_BYTES = 2**29
 """A corpus of a quarter of a million recordings has a manifest of some 60 MB."""
+MOST_CONTAINERS = 4_000_000
+"""Each span of a split is a list, of which a recording may have three; what was left out counts,
+too."""
 
 
 def rebuild(folder: Path) -> str:
@@ -25,6 +28,11 @@ def rebuild(folder: Path) -> str:
 def write_manifest(folder: Path, manifest: dict[str, Any]) -> None:
     """Write a store's manifest, and the checksums of it and the vocabulary that lies there."""
     write_json(folder / MANIFEST, manifest)
+    write_checksums(folder)
+
+
+def write_checksums(folder: Path) -> None:
+    """Write the checksums of a store's manifest and vocabulary."""
     sums = {name: _sha256((folder / name).read_bytes()) for name in (MANIFEST, VOCABULARY)}
     write_json(folder / CHECKSUMS, sums)
 
@@ -45,7 +53,8 @@ def read_manifest(folder: Path, schema: int) -> dict[str, Any]:
         raise InputFileError(folder, "not a store (no manifest.json)")
     data = read_bytes(path, "a store's manifest", MOST_BYTES, hint)
     with understood(path, "a store's manifest", hint):
-        manifest = parse_json(path, data.decode("utf-8"), "a store's manifest", hint)
+        text = data.decode("utf-8")
+        manifest = parse_json(path, text, "a store's manifest", hint, MOST_CONTAINERS)
         _require(isinstance(manifest, dict), "an object")
         if manifest.get("schema") != schema:
             problem = f"schema {manifest.get('schema')!r:.40}, this version reads {schema}"
@@ -72,8 +81,6 @@ def read_vocabulary(folder: Path) -> list[str]:
 
 def _require_sum(path: Path, data: bytes, hint: str) -> None:
     kept = path.with_name(CHECKSUMS)
-    if not kept.exists():
-        return
     text = read_bytes(kept, "checksums", 2**16, hint)
     with understood(kept, "checksums of a store", hint):
         expected = parse_json(kept, text.decode("utf-8"), "checksums", hint)[path.name]
@@ -90,6 +97,8 @@ def _check(manifest: dict[str, Any]) -> None:
     for name, kind in (
         ("name", str),
         ("fingerprint", str),
+        ("parameters", dict),
+        ("remarks", list),
         ("dimensions", int),
         ("has_upper_body", bool),
         ("statistics", dict),

@@ -71,6 +71,7 @@ class Recording:
         interlocutor: Speech of the other side of a dialogue, on the same clock.
         windows: The only windows of the published list; None where any window may be used.
         remarks: What its user should know.
+        files: Those it was made of; where several were tried, the ones that were used.
     """
 
     id: str
@@ -85,3 +86,4 @@ class Recording:
     interlocutor: Speech | None = None
     windows: WindowList | None = None
     remarks: tuple[Remark, ...] = ()
+    files: tuple[Path, ...] = ()

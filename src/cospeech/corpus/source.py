@@ -23,7 +23,7 @@ class Dropped:
             such a thing stops the preparation where the user wants it strict.
         windows: Filter -> number of candidate windows that it left out here.
         words: What was said here, for published vocabularies count it all the same.
-        trace: Where in the code an unexpected error came from, for the log file.
+        trace: Where in the code an unexpected error came from, for the log.
     """
 
     id: str
@@ -65,7 +65,7 @@ def explained(error: Exception) -> CospeechError:
     reason = str(error).strip().split("\n", 1)[0][:200]
     return CospeechError(
         f"unexpected {type(error).__name__}{f': {reason}' if reason else ''}{place}",
-        "the log file of prepare.py has the traceback; if the files are sound, please report it",
+        "the command's log has the traceback; if the files are sound, please report it",
     )
 
 

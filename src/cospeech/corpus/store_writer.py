@@ -173,7 +173,7 @@ class StoreWriter:
                 self._columns[name].append(facts[name])
             for stream in STREAMS:
                 self._rows[stream].append(values["rows"][stream])
-            self._remarks.update({tuple(remark) for remark in values.get("remarks", ())})
+            self._remarks.update({tuple(remark) for remark in values["remarks"]})
             self.dropped_windows.update(facts["dropped_windows"])
             self._window_grid = facts["window_grid"] or self._window_grid
 

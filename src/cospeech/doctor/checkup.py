@@ -104,7 +104,7 @@ def check_path(
         except InputFileError as error:
             return Checkup(path, "store", 0, 0.0, [_broken(path, error)], {})
         kind, findings = "store", _skipped(store)
-        rule = store.manifest.get("parameters", {}).get("split", [None])
+        rule = store.manifest["parameters"].get("split", [None])
         by_speakers = by_speakers or rule[0] == "speakers"
         chosen = _evenly(range(len(store.recordings)), limit)
         blocks = [chosen[i : i + PART] for i in range(0, len(chosen), PART)]

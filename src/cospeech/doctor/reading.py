@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -27,6 +28,7 @@ from cospeech.speech.audio import audio_seconds
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.transcript import read_transcript_with_timing
 
+_log = logging.getLogger(__name__)
 _TIME = re.compile(r"\bat ([0-9.]+) s\b")
 _FRAME = re.compile(r"\bframe (\d+)\b")
 
@@ -90,7 +92,7 @@ def read(item: Take | Source | StoredPart, settings: Settings) -> Read:
             return read_stored(item)
         return read_source(item)
     except Exception as error:
-        return Read(findings=[_unreadable(name, explained(error))])
+        return Read(findings=[_unreadable(name, error)])
 
 
 def read_one_take(take: Take, settings: Settings) -> Read:
@@ -99,7 +101,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
     Readers cut audio, motion and words to one length; the lengths looked at here are those of the
     files.
     """
-    files = Files(*(str(path or take.path) for path in (take.motion, take.audio, take.transcript)))
+    files = _files(take, take.files)
     if take.left_out is not None:
         return Read(left_out=Counter([take.left_out]))
     findings = _missing(take)
@@ -107,9 +109,10 @@ def read_one_take(take: Take, settings: Settings) -> Read:
         if not findings:
             findings = [_unreadable(files.motion, CospeechError(take.problem or "no motion"))]
         return Read(findings=findings)
-    lengths = _lengths(take, settings)
-    if lengths is not None:
-        findings += check_lengths(lengths, files)
+    lengths = None
+    if (measured := _lengths(take, settings)) is not None:
+        sound, lengths = measured
+        findings += check_lengths(lengths, replace(files, audio=str(sound)))
     try:
         recording = read_take(
             take,
@@ -124,17 +127,18 @@ def read_one_take(take: Take, settings: Settings) -> Read:
         # Lengths that can't belong together are what the reader stops at.
         if not any(finding.check in (Check.LENGTHS, Check.DRIFT) for finding in findings):
             fps = settings.frame_rate or (lengths.fps if lengths else None)
-            findings.append(_unreadable(files.motion, explained(error), fps))
+            findings.append(_unreadable(files.motion, error, fps))
         return Read(findings=findings)
     findings += [
         _about_file(remark, remark.path) for remark in recording.remarks if remark.path is not None
     ]
+    files = _files(take, recording.files)
     examination = examine_closely(recording, files, lengths)
     misplaced = {
         finding.check for finding in examination.findings if finding.file == files.words
     } & {Check.TRANSCRIPT, Check.DRIFT}
-    if lengths is not None and not misplaced:
-        findings += _words_of_file(take, recording.remarks, lengths.audio_s, files)
+    if lengths is not None and recording.speech.words is not None and not misplaced:
+        findings += _words_of_file(take, lengths.audio_s, files)
     return Read([replace(examination, findings=findings + examination.findings)])
 
 
@@ -152,7 +156,7 @@ def read_source(source: Source) -> Read:
             else:
                 result.left_out[item.kind] += 1
     except Exception as error:
-        result.findings.append(_unreadable(f"{name} ({source.id})", explained(error)))
+        result.findings.append(_unreadable(f"{name} ({source.id})", error))
     return result
 
 
@@ -192,6 +196,14 @@ def _open_store(path: str) -> Store:
     return Store(path)
 
 
+def _files(take: Take, among: Sequence[Path]) -> Files:
+    """What the parts of a take are called: the first of each kind among these files."""
+    kinds = ((take.path,), take.sounds, take.transcripts)
+    return Files(
+        *(str(next((path for path in kind if path in among), take.path)) for kind in kinds)
+    )
+
+
 def _missing(take: Take) -> list[Finding]:
     if take.motion is None and take.audio is not None:
         return [
@@ -220,8 +232,8 @@ def _missing(take: Take) -> list[Finding]:
     return []
 
 
-def _lengths(take: Take, settings: Settings) -> Lengths | None:
-    """Lengths of the files, from where the take starts in each; None where unknown.
+def _lengths(take: Take, settings: Settings) -> tuple[Path, Lengths] | None:
+    """The sound file, and lengths from where the take starts in each; None where unknown.
 
     A take that ends before its files is cut on purpose.
     """
@@ -230,35 +242,34 @@ def _lengths(take: Take, settings: Settings) -> Lengths | None:
     try:
         frames, fps = read_bvh_timing(take.motion, settings.frame_rate)
         motion_s = frames / fps - take.excerpt.motion_start
-        audio_s = _first_length(take.sounds) - take.excerpt.audio_start
+        sound, sound_s = _first_length(take.sounds)
+        audio_s = sound_s - take.excerpt.audio_start
     except CospeechError:
         return None  # the reader says what is wrong
-    return Lengths(motion_s, audio_s, fps) if motion_s > 0 and audio_s > 0 else None
+    if motion_s <= 0 or audio_s <= 0:
+        return None
+    return sound, Lengths(motion_s, audio_s, fps)
 
 
-def _first_length(sounds: Sequence[Path]) -> float:
-    """Seconds of the first sound file that can be read."""
+def _first_length(sounds: Sequence[Path]) -> tuple[Path, float]:
+    """The first sound file that can be read, and its seconds."""
     for path in sounds[:-1]:
         try:
-            return audio_seconds(path)
+            return path, audio_seconds(path)
         except CospeechError:
             continue
-    return audio_seconds(sounds[-1])
+    return sounds[-1], audio_seconds(sounds[-1])
 
 
-def _words_of_file(
-    take: Take, remarks: Sequence[Remark], audio_s: float, files: Files
-) -> list[Finding]:
-    unused = {remark.path for remark in remarks}
-    path = next((path for path in take.transcripts if path not in unused), None)
-    if path is None:
-        return []
+def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
     start = take.excerpt.audio_start
+    is_excerpt = take.excerpt.duration is not None
     try:
-        is_excerpt = take.excerpt.duration is not None
-        transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
+        transcript = read_transcript_with_timing(files.words, start + audio_s, goes_on=is_excerpt)
     except CospeechError:
-        return []  # empty: the recording has no words, which is looked at with it
+        return []  # taken by a hair with the length of the recording
+    if not transcript.words:
+        return []  # looked at with the recording
     noted = [_note(files, note) for note in transcript.notes]
     if transcript.timing == SPREAD_TIMING:
         return noted
@@ -305,8 +316,14 @@ def _about_file(remark: Remark, path: Path) -> Finding:
     )
 
 
-def _unreadable(name: str, error: CospeechError, fps: float | None = None) -> Finding:
-    """An error as a finding, with the file and the time that it tells."""
+def _unreadable(name: str, whatever: Exception, fps: float | None = None) -> Finding:
+    """An error as a finding, with the file and the time that it tells.
+
+    Where an unexpected one came from is logged.
+    """
+    error = explained(whatever)
+    if error is not whatever:
+        _log.error("reading %s", name, exc_info=whatever)
     place = (error.place or "") if isinstance(error, InputFileError) else ""
     time, frame = _TIME.search(place), _FRAME.search(place)
     time_s = float(time[1]) if time else int(frame[1]) / fps if frame and fps else None

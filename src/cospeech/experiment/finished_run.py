@@ -8,7 +8,6 @@ fingerprint, and is never made, nor anything else written, because of what a rec
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field

@@ -84,7 +84,7 @@ def _remarks(manifest: dict[str, Any]) -> list[str]:
     if any(has_words) and not all(has_words):
         advice = "a transcript lies beside the audio, under the same name"
         counts["no transcript"][advice] = has_words.count(False)
-    for kind, advice, count in manifest.get("remarks", []):
+    for kind, advice, count in manifest["remarks"]:
         counts[kind][advice] += count
     lines = []
     for kind, by_advice in sorted(counts.items(), key=lambda item: -item[1].total()):

@@ -95,15 +95,14 @@ def load_joint_map(name_or_path: str | Path) -> JointMap:
     return _read(path)
 
 
-def find_joint_map(skeleton: Skeleton, folders: Sequence[str | Path] = ()) -> JointMap:
+def find_joint_map(skeleton: Skeleton) -> JointMap:
     """The map that a skeleton carries, or else the one that fits its joint names.
 
-    A map fits when the skeleton has every joint it names. Of several, one from ``folders`` goes
-    before a packaged one, and then the one that names most joints.
+    A map fits when the skeleton has every joint it names; of several, the one with most joints is
+    taken.
 
     Args:
         skeleton: The skeleton; one that was read for a corpus carries the map that was chosen.
-        folders: Folders with more ``*.yaml`` maps.
 
     Raises:
         CospeechError: The map it carries names joints that it lacks, or no map fits. The message
@@ -113,19 +112,17 @@ def find_joint_map(skeleton: Skeleton, folders: Sequence[str | Path] = ()) -> Jo
     if skeleton.joint_map is not None:
         refuse_missing_joints(skeleton.joint_map, skeleton)
         return skeleton.joint_map
-    candidates = [(0, joint_map) for joint_map in _packaged().values()]
-    for folder in map(Path, folders):
-        candidates += [(1, _read(path)) for path in sorted(folder.glob("*.y*ml"))]
-    fitting = [pair for pair in candidates if pair[1].required <= names]
+    candidates = _packaged().values()
+    fitting = [joint_map for joint_map in candidates if joint_map.required <= names]
     if not fitting:
         raise CospeechError(
             f"no joint map fits the skeleton {skeleton.name!r}."
-            f"\n{_what_fits([joint_map for _, joint_map in candidates], names)}"
+            f"\n{_what_fits(candidates, names)}"
             f"\nIts joints: {_listed(skeleton.joints)}",
             hint="write the joints of your skeleton into a file my_corpus.yaml like this one, and"
             f" pass its path (data.joint_map=my_corpus.yaml):\n{TEMPLATE}",
         )
-    return max(fitting, key=lambda pair: (pair[0], len(pair[1].required), pair[1].name))[1]
+    return max(fitting, key=lambda joint_map: (len(joint_map.required), joint_map.name))
 
 
 def refuse_missing_joints(joint_map: JointMap, skeleton: Skeleton) -> None:

@@ -68,14 +68,14 @@ class Motion:
         bad = ~np.isfinite(self.positions).all(axis=(1, 2))
         return int(bad.argmax()) if bad.any() else None
 
-    def slice(self, start: int, stop: int) -> Motion:
-        """Frames ``start`` to ``stop`` (exclusive)."""
+    def slice(self, start: int, stop: int, step: int = 1) -> Motion:
+        """Every ``step``-th frame from ``start`` to ``stop`` (exclusive)."""
         rotations = self.rotations_local
         return Motion(
             self.skeleton,
-            self.fps,
-            self.positions[start:stop],
-            None if rotations is None else rotations[start:stop],
+            self.fps / step,
+            self.positions[start:stop:step],
+            None if rotations is None else rotations[start:stop:step],
         )
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from cospeech.corpus.recording import Recording, Remark
 from cospeech.corpus.source import Dropped, Source
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.foreign import understood
+from cospeech.formats.mocap.side_files import (
+    LOOK_CLOSER,
+    first_usable,
+    spoken,
+    words_until,
+)
 from cospeech.formats.mocap.takes import Take, Voice
 from cospeech.formats.phase_files import read_phases
 from cospeech.motion.bvh import UpAxis, read_bvh, read_bvh_skeleton
@@ -25,15 +30,12 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PhaseSegment, frame_phases
 from cospeech.motion.upper_body import doubts_about, to_upper_body
 from cospeech.speech.audio import read_audio
-from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
-from cospeech.speech.transcript import read_transcript_with_timing
+from cospeech.speech.speech import SAMPLE_RATE, Speech
 
 TOLERATED_S = 1.0
 TOLERATED_SHARE = 0.2
-
-LOOK_CLOSER = "python -m cospeech.corpus doctor FOLDER looks closer"
-
-T = TypeVar("T")
+ENOUGH_POSES = 300
+"""Frames, evenly spread, that show a body's average pose."""
 
 _log = logging.getLogger(__name__)
 
@@ -128,7 +130,7 @@ def read_take(
                 "data.missing_audio=silence reads motion without audio, with silence in its place"
             )
         raise CospeechError(f"take {take.id} can't be read: {take.problem or 'no motion'}", hint)
-    remarks = list(take.warnings)
+    remarks, files = list(take.warnings), [take.motion]
     motion, first_frame, whole_frames, joint_map = _motion(
         take, take.motion, frame_rate, unit_scale, up_axis, joint_map, remarks
     )
@@ -148,68 +150,52 @@ def read_take(
         )
         remarks.append(Remark("silence in the place of sound", text, "data.missing_audio=skip"))
     else:
-        waveform = _first_sound(take, remarks)
+        path, waveform = _first_sound(take, remarks)
+        files.append(path)
     audio_s = len(waveform) / SAMPLE_RATE
     remarks += _length_remarks(take.motion, motion, audio_s)
     words = None
-    spoken = _spoken(take, take.transcripts, "a transcript", audio_s, remarks)
-    if spoken is not None:
-        words, annotations["word_timing"] = spoken
+    transcript = spoken(take, take.transcripts, "a transcript", audio_s, remarks)
+    if transcript is not None:
+        files.append(transcript[0])
+        words, annotations["word_timing"] = transcript[1].words, transcript[1].timing
     shared_s = min(audio_s, motion.duration)
     motion = motion.slice(0, max(1, round(shared_s * motion.fps)))
-    doubts = doubts_about(to_upper_body(motion, joint_map))
+    poses = motion.slice(0, len(motion), max(1, len(motion) // ENOUGH_POSES))
+    doubts = doubts_about(to_upper_body(poses, joint_map))
     remarks += [Remark("a body that looks wrong", text, LOOK_CLOSER) for text in doubts]
     read_segments = functools.partial(
         _phases, tier=phase_tier, labels=phase_labels, motion_s=whole_frames / motion.fps
     )
-    segments = _first_usable(take.phase_files, "gesture phases", read_segments, remarks)
+    segments = first_usable(take.phase_files, "gesture phases", read_segments, remarks)
     phases = None
     if segments is not None:
-        labels = frame_phases(segments, whole_frames, motion.fps)
+        files.append(segments[0])
+        labels = frame_phases(segments[1], whole_frames, motion.fps)
         phases = labels[first_frame : first_frame + len(motion)]
     interlocutor = None
     if (voice := take.interlocutor) is not None:
         listen = functools.partial(_interlocutor, take, voice, shared_s=shared_s, remarks=remarks)
-        interlocutor = _first_usable((voice.audio,), "the other speaker's sound", listen, remarks)
+        heard = first_usable((voice.audio,), "the other speaker's sound", listen, remarks)
+        interlocutor = None if heard is None else heard[1]
     for remark in remarks[len(take.warnings) :]:
         _log.warning("take %s: %s", take.id, remark.text)
     if remarks:
         annotations["warnings"] = [remark.text for remark in remarks]
-    paths = (take.motion, take.audio, take.transcript, take.phases)
     return Recording(
         id=take.id,
         speaker=take.speaker,
-        speech=Speech(waveform[: round(shared_s * SAMPLE_RATE)], _words_until(words, shared_s)),
+        speech=Speech(waveform[: round(shared_s * SAMPLE_RATE)], words_until(words, shared_s)),
         motion=motion,
         phases=phases,
         annotations=annotations,
         split=take.split,
-        source=" + ".join(path.name for path in paths if path is not None),
+        source=" + ".join(path.name for path in files),
+        files=tuple(files),
         licence=take.licence or licence,
         interlocutor=interlocutor,
         remarks=tuple(remarks),
     )
-
-
-def _first_usable(
-    paths: Iterable[Path], what: str, read: Callable[[Path], T], remarks: list[Remark]
-) -> T | None:
-    """What the first side file holds that can be used; the others are remarked on."""
-    refused: list[tuple[Path, CospeechError]] = []
-    found: T | None = None
-    for path in paths:
-        try:
-            with understood(path, what):
-                found = read(path)
-                break
-        except CospeechError as error:
-            refused.append((path, error))
-    kind = f"without {what}" if found is None else f"{what} that can't be used; another is"
-    remarks += [
-        Remark(kind, f"not used as {what}: {error.problem}", error.hint or "", path)
-        for path, error in refused
-    ]
-    return found
 
 
 def _phases(
@@ -265,8 +251,8 @@ def _motion(
     return replace(motion, skeleton=skeleton), first, len(whole), joint_map
 
 
-def _first_sound(take: Take, remarks: list[Remark]) -> NDArray[np.float32]:
-    """The waveform of the first sound file that can be read.
+def _first_sound(take: Take, remarks: list[Remark]) -> tuple[Path, NDArray[np.float32]]:
+    """The first sound file that can be read, and its waveform.
 
     Raises:
         InputFileError: None can; about the preferred one.
@@ -285,7 +271,7 @@ def _first_sound(take: Take, remarks: list[Remark]) -> NDArray[np.float32]:
             )
             for error in refused
         ]
-        return waveform
+        return path, waveform
     raise refused[0]
 
 
@@ -315,52 +301,6 @@ def _beyond_the_end(take: Take, path: Path, start_s: float, length_s: float) -> 
     )
 
 
-def _spoken(
-    take: Take, paths: Iterable[Path], what: str, audio_s: float, remarks: list[Remark]
-) -> tuple[tuple[Word, ...], str] | None:
-    """What the first usable transcript says; that nobody speaks, where all there are are empty."""
-    blank = [path for path in paths if _is_blank(path)]
-    written = [path for path in paths if path not in blank]
-    if blank and not written:
-        text = f"{blank[0].name} is empty: nobody speaks in this take"
-        remarks.append(Remark("empty transcript", text, "take the file away if it is not so"))
-        return (), "words"
-    remarks += [
-        Remark("empty transcript beside another", f"{path}: is empty", "take it away", path)
-        for path in blank
-    ]
-    read_words = functools.partial(_words, take, audio_s=audio_s, remarks=remarks)
-    return _first_usable(written, what, read_words, remarks)
-
-
-def _is_blank(path: Path) -> bool:
-    try:
-        return path.stat().st_size < 1024 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf")
-    except OSError:
-        return False  # its reader says why
-
-
-def _words(
-    take: Take, path: Path, *, audio_s: float, remarks: list[Remark]
-) -> tuple[tuple[Word, ...], str]:
-    """Words on the excerpt's clock, and how their times are known."""
-    start = take.excerpt.audio_start
-    is_excerpt = take.excerpt.duration is not None
-    transcript = read_transcript_with_timing(path, start + audio_s, goes_on=is_excerpt)
-    remarks += [
-        Remark("words moved or dropped", f"{path.name}: {note}", LOOK_CLOSER)
-        for note in transcript.notes
-    ]
-    words = list(transcript.words)
-    if start > 0:
-        words = [
-            Word(word.text, max(0.0, word.start - start), word.end - start)
-            for word in words
-            if word.end > start
-        ]
-    return tuple(words), transcript.timing
-
-
 def _interlocutor(
     take: Take, voice: Voice, audio: Path, *, shared_s: float, remarks: list[Remark]
 ) -> Speech:
@@ -374,12 +314,12 @@ def _interlocutor(
         )
         remarks.append(Remark("another length of the other speaker", text, LOOK_CLOSER))
     what = "the other speaker's transcript"
-    spoken = _spoken(
+    transcript = spoken(
         take, voice.transcripts, what, max(len(waveform) / SAMPLE_RATE, shared_s), remarks
     )
-    words = None if spoken is None else spoken[0]
+    words = None if transcript is None else transcript[1].words
     waveform = np.pad(waveform[:samples], (0, max(0, samples - len(waveform))))
-    return Speech(waveform, _words_until(words, shared_s))
+    return Speech(waveform, words_until(words, shared_s))
 
 
 def _length_remarks(path: Path, motion: Motion, audio_s: float) -> list[Remark]:
@@ -399,9 +339,3 @@ def _length_remarks(path: Path, motion: Motion, audio_s: float) -> list[Remark]:
     return [
         Remark("audio and motion of unequal length", f"{lengths}; the longer was cut", LOOK_CLOSER)
     ]
-
-
-def _words_until(words: Iterable[Word] | None, end_s: float) -> tuple[Word, ...] | None:
-    if words is None:
-        return None
-    return tuple(replace(word, end=min(word.end, end_s)) for word in words if word.start < end_s)

@@ -18,13 +18,15 @@ from cospeech.errors import CospeechError
 from cospeech.formats.phase_files.writing import phase_segments, write_elan, write_phase_table
 from cospeech.methods.phase_classifier.judging import recording_scores
 from cospeech.methods.phase_classifier.scores import PhaseScores
-from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
-from cospeech.motion.joint_map import JointMap, find_joint_map, load_joint_map
+from cospeech.motion.bvh import UP_AXES, read_bvh, read_bvh_skeleton
+from cospeech.motion.joint_map import find_joint_map, load_joint_map
+from cospeech.motion.joint_map_values import UNIT_SCALES
+from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASE_INDEX, PHASES
 from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import Speech
-from cospeech.terminal import exit_status
+from cospeech.terminal import exit_status, number_between
 
 _PHASE_OF_CLASS = {"other": "none", "no_stroke": "none", "rest": "rest_hold"} | {
     "retraction": "retract"
@@ -43,8 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if given.command == "label":
             classifier = FrozenPhaseClassifier.load(given.classifier)
-            joint_map = None if given.joint_map is None else load_joint_map(given.joint_map)
-            _label(classifier, given.motion, given.audio, given.out, joint_map)
+            _require_sound(classifier, given.audio)
+            _label(classifier, _motion(given), given.motion.stem, given.audio, given.out)
         else:
             _score(given.classifier, given.store, given.split)
     except CospeechError as error:
@@ -53,29 +55,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _label(
-    classifier: FrozenPhaseClassifier,
-    motion_file: Path,
-    audio_file: Path | None,
-    folder: Path,
-    joint_map: JointMap | None,
-) -> None:
+def _require_sound(classifier: FrozenPhaseClassifier, audio_file: Path | None) -> None:
     if classifier.pitch and audio_file is None:
         raise CospeechError(
             "this classifier reads the pitch",
             "give the recording's sound with --audio, or use one trained with model.pitch=false",
         )
-    joint_map = joint_map or find_joint_map(read_bvh_skeleton(motion_file))
-    motion = read_bvh(motion_file, unit_scale=joint_map.unit_scale)
-    motion = replace(motion, skeleton=replace(motion.skeleton, joint_map=joint_map))
+
+
+def _motion(given: argparse.Namespace) -> Motion:
+    """The motion to label, as the command line says to read it."""
+    if given.joint_map is None:
+        joint_map = find_joint_map(read_bvh_skeleton(given.motion))
+    else:
+        joint_map = load_joint_map(given.joint_map)
+    scale = joint_map.unit_scale if given.unit_scale is None else given.unit_scale
+    motion = read_bvh(given.motion, unit_scale=scale, up_axis=given.up_axis)
+    return replace(motion, skeleton=replace(motion.skeleton, joint_map=joint_map))
+
+
+def _label(
+    classifier: FrozenPhaseClassifier,
+    motion: Motion,
+    name: str,
+    audio_file: Path | None,
+    folder: Path,
+) -> None:
     speech = None if audio_file is None else Speech(load_audio(audio_file))
     found = classifier.label(motion, speech)
     segments = phase_segments(_as_phases(classifier, found), motion.fps)
     # Different classes stand for different labels, so the segments are the same.
     starts = np.flatnonzero(np.diff(found, prepend=-1))
     names = [classifier.classes[index] for index in found[starts]]
-    table = folder / f"{motion_file.stem}.phases.csv"
-    document = folder / f"{motion_file.stem}.eaf"
+    table = folder / f"{name}.phases.csv"
+    document = folder / f"{name}.eaf"
     write_phase_table(table, segments, names)
     write_elan(document, segments, [] if audio_file is None else [audio_file])
     counts = np.bincount(found, minlength=len(classifier.classes)) / len(found)
@@ -120,6 +133,13 @@ def _parser() -> argparse.ArgumentParser:
     label.add_argument(
         "--joint-map", metavar="MAP", help="name or yaml of a joint map (by the joints' names)"
     )
+    label.add_argument(
+        "--unit-scale",
+        type=number_between(*UNIT_SCALES),
+        metavar="METRES",
+        help="metres per unit of the BVH file (by the joint map)",
+    )
+    label.add_argument("--up-axis", choices=UP_AXES, default="y", help="its vertical axis")
     label.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
     score = commands.add_parser(
         "score",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
@@ -51,6 +52,7 @@ _BY_LINE: tuple[tuple[Callable[[str], bool], _Parser], ...] = (
 )
 """How one line of a format looks, for files whose name doesn't say it."""
 
+_CHAT = re.compile(r"\A\s*(?:@UTF8\s+)?(?:@\w[\w ]*:.*\n)*@Begin\s")
 _LINES_LOOKED_AT = 50
 _MOST_TIMES, _FEWEST_TIMES = 0.2, 3  # share of a plain text's words, or of its lines; and a number
 _WHAT = "a transcript"
@@ -74,7 +76,7 @@ def read_transcript_with_timing(
     punctuation are dropped; phrases are spread over their time.
 
     Words come out with times that speech can have, or not at all; what was left out, moved or
-    converted is told in the transcript's notes.
+    converted is told in the transcript's notes. Nobody speaks where the file is empty.
 
     Args:
         path: The file.
@@ -82,12 +84,14 @@ def read_transcript_with_timing(
         goes_on: The sound is a part of what the file is about, and words beyond it are no fault.
 
     Raises:
-        InputFileError: Missing, broken, of unknown format, without a word, or with times that its
-            words can't have. Names the line or entry.
+        InputFileError: Missing, broken, of unknown format, not empty and without a word, or with
+            times that its words can't have. Names the line or entry.
     """
     path = Path(path)
     with understood(path, _WHAT, _AUDIO_ALONE):
         text = _read_text(path)
+        if not text.strip():
+            return Transcript((), "words", ("the file is empty: nobody speaks",))
         parser = _parser_for(path, text)
         found = _plain(path, text, duration_s) if parser is None else parser(path, text)
         _require_bounded(path, found.entries)
@@ -109,8 +113,6 @@ def read_transcript_with_timing(
 
 
 def _plain(path: Path, text: str, duration_s: float | None) -> Entries:
-    if not text.strip():
-        raise InputFileError(path, "the transcript is empty", hint=_AUDIO_ALONE)
     _require_prose(path, text)
     if duration_s is None:
         raise InputFileError(
@@ -184,6 +186,12 @@ def _read_text(path: Path) -> str:
             "is a TextGrid in Praat's binary form",
             hint="in Praat: select the TextGrid, Save as text file",
         )
+    if _CHAT.search(text):
+        raise InputFileError(
+            path,
+            "is a CHAT transcript",
+            hint="convert it with CLAN: chat2praat makes a TextGrid of it, chat2srt subtitles",
+        )
     if "\0" in text:
         raise InputFileError(
             path, "is a binary file", hint="give a TextGrid, JSON, TSV, CTM, SRT, VTT or txt file"
@@ -194,7 +202,7 @@ def _read_text(path: Path) -> str:
 def _parser_for(path: Path, text: str) -> _Parser | None:
     """The parser of a format with times; None for plain text."""
     by_suffix = _BY_SUFFIX.get(path.suffix.lower())
-    if by_suffix is not None and text.strip():
+    if by_suffix is not None:
         return by_suffix
     start = text[:1000].lstrip()
     if start.startswith(("File type", '"ooTextFile')):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import Entry, require_few
+from cospeech.speech.transcript.entries import Entry, counted, require_few
 from cospeech.speech.transcript.lines import number
 
 TEXT_KEYS = ("word", "text", "label", "value", "content", "body")
@@ -119,6 +119,12 @@ class Document:
                 self.path, f"{value!r:.60} is not a time", place, 'times are seconds: 1.2 or "1.2s"'
             )
         return None if math.isnan(found) else found
+
+
+def spread_note(phrases: int, total: int) -> str:
+    """That some of a file's phrases lack the word times that others have."""
+    told = counted(phrases, "segment")
+    return f"{told} of {total} without word times: the words were spread over it"
 
 
 def first(item: dict[str, Any], keys: Sequence[str]) -> Any:

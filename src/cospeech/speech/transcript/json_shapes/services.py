@@ -7,10 +7,18 @@ from typing import Any
 
 from cospeech.errors import InputFileError
 from cospeech.speech.transcript.entries import Entries, Entry
-from cospeech.speech.transcript.json_shapes.items import Document, Item, children, first, has
+from cospeech.speech.transcript.json_shapes.items import (
+    Document,
+    Item,
+    children,
+    first,
+    has,
+    spread_note,
+)
 
 _WORD_TYPES = ("pronunciation", "word", "entity")
 _FINAL_KEYS = ("final", "isFinal", "is_final")
+_AZURE_STARTS = ("offsetinticks", "offset")
 _TICKS_S = 1e-7  # Azure counts in steps of 100 ns
 
 
@@ -141,7 +149,8 @@ def read_polly(document: Document) -> Entries | None:
 def read_azure(document: Document) -> Entries | None:
     """``{"NBest": [{"Words": [{"Word", "Offset", "Duration"}]}]}``, a batch's phrases or a list.
 
-    Times are in steps of 100 ns; the first of the alternatives is taken.
+    Times are in steps of 100 ns; the first of the alternatives is taken. Where it has no words, its
+    text is spread over the phrase.
     """
     phrases = document.get("recognizedPhrases")
     if not isinstance(phrases, list):
@@ -151,25 +160,32 @@ def read_azure(document: Document) -> Entries | None:
     entries = []
     for index, phrase in enumerate(phrases):
         best = first(phrase, ("NBest", "nBest")) if isinstance(phrase, dict) else None
-        words = None
-        if isinstance(best, list) and best and isinstance(best[0], dict):
-            words = first(best[0], ("Words", "words"))
-        for place, item in children({"Words": words}, "Words", f"NBest[{index}]"):
-            entries.append(_azure_word(document, place, item))
-    return Entries(tuple(entries), are_seconds=True)
+        if not (isinstance(best, list) and best and isinstance(best[0], dict)):
+            continue
+        place, chosen = f"NBest[{index}]", _lower(best[0])
+        words = list(children(chosen, "words", place))
+        entries += [_azure_entry(document, inner, _lower(item)) for inner, item in words]
+        said = _lower(phrase) | {"word": first(chosen, ("display", "lexical"))}
+        if said["word"] and not words and isinstance(first(said, _AZURE_STARTS), int | float):
+            entries.append(_azure_entry(document, place, said, is_phrase=True))
+    spread = sum(entry.is_phrase for entry in entries)
+    notes = (spread_note(spread, len(phrases)),) if 0 < spread < len(entries) else ()
+    return Entries(tuple(entries), notes, are_seconds=True)
 
 
-def _azure_word(document: Document, place: str, item: Any) -> Entry:
-    lower = {key.lower(): value for key, value in item.items()} if isinstance(item, dict) else {}
-    return document.entry(
-        place,
-        {
-            "word": lower.get("word"),
-            "start": first(lower, ("offsetinticks", "offset")),
-            "duration": first(lower, ("durationinticks", "duration")),
-        },
-        scale=_TICKS_S,
-    )
+def _azure_entry(
+    document: Document, place: str, item: dict[str, Any], is_phrase: bool = False
+) -> Entry:
+    times = {
+        "start": first(item, _AZURE_STARTS),
+        "duration": first(item, ("durationinticks", "duration")),
+    }
+    return document.entry(place, {"word": item.get("word")} | times, _TICKS_S, is_phrase)
+
+
+def _lower(item: Any) -> dict[str, Any]:
+    """An object with keys in lower case: services differ in them by their version."""
+    return {key.lower(): value for key, value in item.items()} if isinstance(item, dict) else {}
 
 
 def read_rev(document: Document) -> Entries | None:

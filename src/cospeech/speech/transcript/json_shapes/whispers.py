@@ -7,8 +7,14 @@ from itertools import chain
 from typing import Any
 
 from cospeech.errors import InputFileError
-from cospeech.speech.transcript.entries import Entries, Entry, counted
-from cospeech.speech.transcript.json_shapes.items import Document, children, first, has
+from cospeech.speech.transcript.entries import Entries, Entry
+from cospeech.speech.transcript.json_shapes.items import (
+    Document,
+    children,
+    first,
+    has,
+    spread_note,
+)
 from cospeech.speech.transcript.labels import is_spoken
 from cospeech.speech.transcript.spreading import lay_out
 
@@ -50,8 +56,7 @@ def read_segments(document: Document) -> Entries | None:
             entries += _within(words, *document.times(place, segment))
     notes: tuple[str, ...] = ()
     if phrases and is_aligned:
-        told = counted(phrases, "segment")
-        notes = (f"{told} of {len(segments)} without word times: the words were spread over it",)
+        notes = (spread_note(phrases, len(segments)),)
     return Entries(tuple(entries), notes)
 
 
