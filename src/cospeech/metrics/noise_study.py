@@ -162,7 +162,7 @@ def plot_noise_study(rows: list[NoiseRow], path: str | Path) -> None:
     )
     figure.suptitle("Metrics under synthetic disturbances of real motion", x=0.01, ha="left")
     with replacing(path) as temporary:
-        figure.savefig(temporary, format=path.suffix.removeprefix("."), dpi=160)
+        figure.savefig(temporary, format=Path(path).suffix.removeprefix("."), dpi=160)
 
 
 def _bars(

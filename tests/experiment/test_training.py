@@ -1,0 +1,121 @@
+"""A run's order: what is judged, when its record says that it is done, and how it goes on."""
+
+import json
+import logging
+
+import pytest
+import torch
+
+from cospeech.corpus.store import Store
+from cospeech.errors import ConfigError
+from cospeech.experiment import run, training
+from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.methods.trimodal import Trimodal
+from cospeech.metrics.encoder import save_encoder
+from cospeech.reporting.record import RunRecord
+from data_modules.base import StoreDataModule
+from tests.runs import Outputs, command
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
+
+
+@pytest.fixture
+def outputs(tmp_path, monkeypatch):
+    made = Outputs(tmp_path / "outputs")
+    monkeypatch.setattr(StoreDataModule, "prepare_store", lambda self: Store(made.store))
+    return made
+
+
+@pytest.fixture
+def trained_epochs(monkeypatch):
+    epochs = []
+    monkeypatch.setattr(
+        Trimodal, "on_train_epoch_start", lambda self: epochs.append(self.current_epoch)
+    )
+    return epochs
+
+
+def trained(outputs, *more):
+    given = (
+        "model=trimodal",
+        "model.hidden_size=8",
+        "model.layers=1",
+        "training.epochs=1",
+        "training.batch_size=8",
+        "trainer=cpu",
+        "+trainer.limit_train_batches=1",
+        "+trainer.limit_val_batches=1",
+        "logger=none",
+        "callbacks.render_samples=null",
+        "callbacks.progress_bar=null",
+        f"metrics.encoder={outputs.encoder}",
+        f"outputs_dir={outputs.folder}",
+        f"run_dir={outputs.folder / 'run'}",
+        "run_prefix=run",
+        "study_name=study",
+        "choices.model=trimodal",
+        "choices.data=synthetic",
+        "choices.ablation=full",
+        "choices.experiment=null",
+        "choices.study=null",
+    )
+    with command("train", *given, *more) as cfg:
+        return run(cfg)
+
+
+def record_of(outputs):
+    return json.loads((outputs.folder / "run" / "record.json").read_text())
+
+
+def test_the_best_weights_are_judged_and_ok_is_said_when_all_is_recorded(outputs, monkeypatch):
+    def spoil(self):
+        for parameter in self.parameters():
+            torch.nn.init.zeros_(parameter)
+
+    def write(self):
+        written.append((self.values["status"], self.values["final"], self.values["references"]))
+        really_write(self)
+
+    written, really_write = [], RunRecord.write
+    monkeypatch.setattr(RunRecord, "write", write)
+    monkeypatch.setattr(Trimodal, "on_train_end", spoil)  # after the checkpoints
+    result = trained(outputs)
+    best = torch.load(outputs.folder / "run" / "checkpoints" / "best.ckpt", weights_only=True)
+    for name, value in result.model.state_dict().items():
+        assert torch.equal(value, best["state_dict"][name]), name
+    done = [(final, references) for status, final, references in written if status == "ok"]
+    assert done
+    for final, references in done:
+        assert final["windows"].keys() & final["recordings"].keys()
+        assert references
+
+
+def test_a_run_whose_training_has_ended_goes_on_behind_it(
+    outputs, trained_epochs, monkeypatch, caplog
+):
+    with monkeypatch.context() as patched:
+        patched.setattr(training, "evaluate_recordings", lambda *_, **__: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            trained(outputs)
+    failed = record_of(outputs)
+    assert failed["status"] == "failed"
+    assert failed["fit"] == {"asked": 1, "ended": 1}
+    failed["hardware"]["torch_threads"] = 99
+    (outputs.folder / "run" / "record.json").write_text(json.dumps(failed))
+    trained_epochs.clear()
+    with caplog.at_level(logging.WARNING):
+        trained(outputs, "ckpt_path=last")
+    assert "torch_threads: 99 before, 1 from here on, so the run won't end bit-equal" in caplog.text
+    assert trained_epochs == []
+    assert record_of(outputs)["status"] == "ok"
+    # Asked for more epochs, it trains those.
+    trained(outputs, "ckpt_path=last", "training.epochs=2")
+    assert trained_epochs == [1]
+    longer = record_of(outputs)
+    assert [row["epoch"] for row in longer["epochs"]] == [0, 1]
+    assert longer["fit"] == {"asked": 2, "ended": 2}
+    # Numbers of two encoders would not belong together.
+    torch.manual_seed(5)
+    save_encoder(MotionAutoencoder(outputs.facts).encoder("another"), outputs.encoder)
+    with pytest.raises(ConfigError, match="encoder of the evaluation has changed"):
+        trained(outputs, "ckpt_path=last", "training.epochs=3")
