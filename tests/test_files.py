@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import resource
+import stat
 
 import numpy as np
 import pytest
@@ -185,3 +186,14 @@ def test_a_resumed_record_removes_what_a_kill_left_and_nothing_else(tmp_path, mo
     assert len(list(tmp_path.iterdir())) == 3
     RunRecord(path, {"id": "c", "config": {}})
     assert sorted(tmp_path.iterdir()) == [mine, path]
+
+
+def test_content_is_on_the_disk_before_its_name_and_then_the_name(tmp_path, monkeypatch):
+    flushed = []
+
+    def fsync(handle):
+        flushed.append((stat.S_ISDIR(os.fstat(handle).st_mode), (tmp_path / "a").exists()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    write_text(tmp_path / "a", "text")
+    assert flushed == [(False, False), (True, True)]

@@ -211,6 +211,25 @@ def pickled_as(path: Path, values: bytes, zipped: bool) -> None:
         path.write_bytes(head + values + pickle.dumps([], 2))
 
 
+def test_one_part_alone_holds_the_values(tmp_path):
+    torch.save({"a": 1}, tmp_path / "a.pt")
+    with zipfile.ZipFile(tmp_path / "a.pt", "a") as archive:
+        archive.writestr("other/data.pkl", b"\x80\x02}.")
+    with pytest.raises(InputFileError, match=r"2 parts are called data\.pkl"):
+        read_weights(tmp_path / "a.pt", "h")
+
+
+def test_two_parts_of_one_name_and_files_beyond_their_kind_are_refused(tmp_path):
+    path = tmp_path / "a.pt"
+    torch.save({"a": 1}, path)
+    with pytest.raises(InputFileError, match="is too large"):
+        read_weights(path, "h", largest_bytes=path.stat().st_size - 1)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(archive.namelist()[0].upper(), b"")
+    with pytest.raises(InputFileError, match="two of its parts have the same name"):
+        read_weights(path, "h")
+
+
 def doubling(times: int) -> bytes:
     pairs = (b"h%c\x86q%c" % (place, place + 1) for place in range(times))
     return b"\x80\x02}q\xfe)q\x00" + b"".join(pairs)

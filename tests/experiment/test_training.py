@@ -2,17 +2,20 @@
 
 import json
 import logging
+from types import SimpleNamespace
 
 import pytest
 import torch
+from filelock import FileLock
 
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.experiment import run, training
+from cospeech.experiment.context import RunInterrupted
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import save_encoder
-from cospeech.reporting.record import RunRecord
+from cospeech.reporting.record import RunRecord, write_json
 from data_modules.base import StoreDataModule
 from tests.runs import Outputs, command
 
@@ -88,6 +91,50 @@ def test_the_best_weights_are_judged_and_ok_is_said_when_all_is_recorded(outputs
     for final, references in done:
         assert final["windows"].keys() & final["recordings"].keys()
         assert references
+
+
+def test_a_folder_that_another_process_is_at_work_in_is_left_alone(outputs):
+    folder = outputs.folder / "run"
+    folder.mkdir()
+    with (
+        FileLock(str(folder / ".lock")),
+        pytest.raises(ConfigError, match="another process is at work"),
+    ):
+        trained(outputs)
+    assert not (folder / "record.json").exists()
+
+
+def test_a_run_goes_on_with_its_own_corpus_alone(outputs):
+    folder = outputs.folder / "run"
+    folder.mkdir()
+    write_json(folder / "record.json", {"status": "interrupted", "data_fingerprint": 64 * "1"})
+    with pytest.raises(ConfigError, match="the corpus has changed"):
+        trained(outputs, "ckpt_path=last")
+
+
+def test_a_run_that_the_user_stops_says_so(outputs, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(training, "_run", stopped)
+    with pytest.raises(RunInterrupted):
+        trained(outputs)
+    assert record_of(outputs)["status"] == "interrupted"
+
+
+def test_what_comes_after_a_run_is_done_takes_nothing_back(tmp_path):
+    record = RunRecord(tmp_path / "record.json", {"id": "a", "config": {}})
+    record.finish("ok")
+    training._close(record, "interrupted", "stopped")
+    assert json.loads((tmp_path / "record.json").read_text())["status"] == "ok"
+
+
+def test_of_a_last_checkpoint_that_is_gone_the_one_before_is_taken(tmp_path):
+    cfg = SimpleNamespace(ckpt_path="last")
+    assert training._checkpoint(cfg, tmp_path) is None
+    (tmp_path / "checkpoints").mkdir()
+    (tmp_path / "checkpoints" / "last.previous.ckpt").touch()
+    assert training._checkpoint(cfg, tmp_path) == str(tmp_path / "checkpoints" / "last.ckpt")
 
 
 def test_a_run_whose_training_has_ended_goes_on_behind_it(
