@@ -148,21 +148,22 @@ def test_a_run_whose_training_has_ended_goes_on_behind_it(
     assert failed["status"] == "failed"
     assert failed["fit"] == {"asked": 1, "ended": 1}
     failed["hardware"]["torch_threads"] = 99
+    failed["fit"]["asked"] = 2  # as of a method that ends its training itself
     (outputs.folder / "run" / "record.json").write_text(json.dumps(failed))
     trained_epochs.clear()
     with caplog.at_level(logging.WARNING):
-        trained(outputs, "ckpt_path=last")
+        trained(outputs, "ckpt_path=last", "training.epochs=2")
     assert "torch_threads: 99 before, 1 from here on, so the run won't end bit-equal" in caplog.text
     assert trained_epochs == []
     assert record_of(outputs)["status"] == "ok"
     # Asked for more epochs, it trains those.
-    trained(outputs, "ckpt_path=last", "training.epochs=2")
-    assert trained_epochs == [1]
+    trained(outputs, "ckpt_path=last", "training.epochs=3")
+    assert trained_epochs == [1, 2]
     longer = record_of(outputs)
-    assert [row["epoch"] for row in longer["epochs"]] == [0, 1]
-    assert longer["fit"] == {"asked": 2, "ended": 2}
+    assert [row["epoch"] for row in longer["epochs"]] == [0, 1, 2]
+    assert longer["fit"] == {"asked": 3, "ended": 3}
     # Numbers of two encoders would not belong together.
     torch.manual_seed(5)
     save_encoder(MotionAutoencoder(outputs.facts).encoder("another"), outputs.encoder)
     with pytest.raises(ConfigError, match="encoder of the evaluation has changed"):
-        trained(outputs, "ckpt_path=last", "training.epochs=3")
+        trained(outputs, "ckpt_path=last", "training.epochs=4")
