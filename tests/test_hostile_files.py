@@ -4,6 +4,7 @@ import collections
 import io
 import json
 import pickle
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 import torch
 
 from cospeech.corpus.build_folder import BuildFolder
+from cospeech.corpus.manifest import write_manifest
 from cospeech.corpus.store import Store
 from cospeech.encoders import encoder_for, keep_encoder
 from cospeech.errors import InputFileError
@@ -100,6 +102,16 @@ def test_manifest_values_of_other_types(store, tmp_path, change):
     with pytest.raises(InputFileError, match=r"manifest\.json") as caught:
         Store(folder)
     assert "it will be rebuilt" in caught.value.hint
+
+
+@pytest.mark.parametrize(("fact", "value"), [("rows", 1), ("width", 7), ("dtype", "O")])
+def test_streams_are_as_wide_and_long_as_their_recordings(store, tmp_path, fact, value):
+    folder = shutil.copytree(store.path, tmp_path / "s")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["streams"]["audio"][fact] = value
+    write_manifest(folder, manifest)
+    with pytest.raises(InputFileError, match=r"streams\.audio"):
+        Store(folder)
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "vocabulary.json"])
