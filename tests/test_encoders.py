@@ -51,3 +51,15 @@ def test_a_damaged_encoder_is_not_kept(tmp_path):
     assert encoders.is_kept(store, 1, 0)
     path.write_bytes(path.read_bytes()[:-100])
     assert not encoders.is_kept(store, 1, 0)
+
+
+@pytest.mark.filterwarnings("ignore:.*does not have many workers", "ignore:.*logging interval")
+def test_the_encoder_has_the_weights_of_its_best_epoch(tmp_path, monkeypatch):
+    def spoil(self):
+        for parameter in self.parameters():
+            torch.nn.init.zeros_(parameter)
+
+    monkeypatch.setattr(MotionAutoencoder, "on_train_end", spoil)  # after the checkpoints
+    takes = [make_recording(f"take{i}", seconds=6, seed=i) for i in range(6)]
+    encoder = encoder_for(make_store(tmp_path, takes), "trained", epochs=1, seed=0)
+    assert any(value.any() for value in encoder.parameters())

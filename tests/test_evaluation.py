@@ -1,12 +1,22 @@
 """What is judged on, and what is too little for it."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
+import torch
 
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows
-from tests.corpora import make_recording, make_store
+from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import UPPER_BODY
+from tests.corpora import REST_POSE, make_recording, make_store
+
+
+def untrained_encoder(store, seed):
+    torch.manual_seed(seed)
+    return MotionAutoencoder(store.facts()).encoder("untrained")
 
 
 @pytest.mark.parametrize(
@@ -28,3 +38,34 @@ def test_recordings_too_short_to_generate_for_are_refused_before_anything_is_mad
     store = make_store(tmp_path, [*takes, make_recording("last", seconds=2)])
     with pytest.raises(CospeechError, match=r"1 recordings to judge on, the longest of 2\.00 s"):
         evaluate_recordings(None, store, "test", None)
+
+
+def test_reference_rows_are_kept_for_their_encoder_and_their_seed(tmp_path):
+    store = make_store(tmp_path, [make_recording(f"take{i}", seconds=12, seed=i) for i in range(5)])
+    one, other = untrained_encoder(store, 1), untrained_encoder(store, 2)
+    rows = reference_rows(store, one, "test", seed=0)
+    assert reference_rows(store, one, "test", seed=1) != rows
+    assert reference_rows(store, other, "test", seed=0) != rows
+    assert reference_rows(store, one, "val", seed=0) != rows
+    assert reference_rows(store, one, "test", seed=0) == rows
+    assert len(list((store.path / "references").iterdir())) == 4
+
+
+class Still(torch.nn.Module):
+    """Stands still, and notes how it was asked."""
+
+    def __init__(self):
+        super().__init__()
+        self.asked = []
+
+    def generate(self, speech, speaker, generator):
+        self.asked.append((generator.initial_seed(), self.training))
+        frames = math.ceil(speech.duration * 15)
+        return Motion(UPPER_BODY, 15.0, REST_POSE[None].repeat(frames, axis=0))
+
+
+def test_each_recording_is_generated_from_a_seed_of_its_own_without_dropout(tmp_path):
+    store, method = make_store(tmp_path), Still()
+    evaluate_recordings(method, store, "train", untrained_encoder(store, 0))
+    assert method.asked == [(number, False) for number in range(4)]
+    assert method.training  # as it was before

@@ -73,7 +73,10 @@ def test_json_values(tmp_path) -> None:
         "a: !!python/object/apply:os.system [ls]",
         "a: !!timestamp 2001-99-99",
         "a: 2001-99-99",
+        "a: 2001-02-03",
+        "a: !!int 3",
         "[" * 50,
+        "[" * 30 + "]" * 30,
         "a: " + "9" * 400,
         "a: " + ":".join(["1"] * 200),
         "a: b: c",
@@ -133,5 +136,7 @@ def test_texts_of_far_too_many_values_are_refused() -> None:
             parse_json("a.json", many, "a record")
         with pytest.raises(InputFileError, match="too large for a record"):
             parse_json_stream("a.json", many, "a record")
+    with pytest.raises(InputFileError, match="more than 100000 JSON documents"):
+        parse_json_stream("a.json", "1 " * 100_001, "a record")
     with pytest.raises(InputFileError, match="parts of yaml"):
         parse_yaml("a.yaml", "[" + "1," * 15_000 + "]", "a joint map")

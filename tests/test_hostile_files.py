@@ -2,6 +2,7 @@
 
 import collections
 import io
+import json
 import pickle
 import shutil
 import zipfile
@@ -103,6 +104,16 @@ def test_manifest_values_of_other_types(store, tmp_path, change):
     with pytest.raises(InputFileError, match=r"manifest\.json") as caught:
         Store(folder)
     assert "it will be rebuilt" in caught.value.hint
+
+
+@pytest.mark.parametrize(("fact", "value"), [("rows", 1), ("width", 7), ("dtype", "O")])
+def test_streams_are_as_wide_and_long_as_their_recordings(store, tmp_path, fact, value):
+    folder = shutil.copytree(store.path, tmp_path / "s")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["streams"]["audio"][fact] = value
+    write_manifest(folder, manifest)
+    with pytest.raises(InputFileError, match=r"streams\.audio"):
+        Store(folder)
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "vocabulary.json"])
@@ -219,6 +230,25 @@ def pickled_as(path: Path, values: bytes, zipped: bool) -> None:
         magic = torch.serialization.MAGIC_NUMBER
         head = b"".join(pickle.dumps(one, 2) for one in (magic, 1001, {}))
         path.write_bytes(head + values + pickle.dumps([], 2))
+
+
+def test_one_part_alone_holds_the_values(tmp_path):
+    torch.save({"a": 1}, tmp_path / "a.pt")
+    with zipfile.ZipFile(tmp_path / "a.pt", "a") as archive:
+        archive.writestr("other/data.pkl", b"\x80\x02}.")
+    with pytest.raises(InputFileError, match=r"2 parts are called data\.pkl"):
+        read_weights(tmp_path / "a.pt", "h")
+
+
+def test_two_parts_of_one_name_and_files_beyond_their_kind_are_refused(tmp_path):
+    path = tmp_path / "a.pt"
+    torch.save({"a": 1}, path)
+    with pytest.raises(InputFileError, match="is too large"):
+        read_weights(path, "h", largest_bytes=path.stat().st_size - 1)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(archive.namelist()[0].upper(), b"")
+    with pytest.raises(InputFileError, match="two of its parts have the same name"):
+        read_weights(path, "h")
 
 
 def doubling(times: int) -> bytes:

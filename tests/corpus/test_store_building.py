@@ -90,6 +90,17 @@ def test_a_killed_build_goes_on_with_the_first_source_not_noted(tmp_path, packed
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
 
 
+def test_what_a_build_killed_at_its_end_was_writing_is_no_part_of_the_store(
+    tmp_path, packed, whole
+):
+    with StoreWriter(tmp_path / "s", "made", {}, "f" * 64) as writer:
+        for source in packed:
+            writer.append(source)
+    (tmp_path / ".s.building" / ".manifest.json.0123abcd.part").write_text("{")
+    with StoreWriter(tmp_path / "s", "made", {}, "f" * 64) as again:
+        assert contents(again.finish(spans(again)).path) == whole
+
+
 def test_a_build_killed_anywhere_resumes_to_the_same_bytes(tmp_path, packed, whole):
     """Files end where the kernel happened to have written to: journal and streams independently."""
     rng = np.random.default_rng(0)

@@ -207,7 +207,7 @@ def test_a_full_disk_costs_nothing_that_was_saved(tmp_path):
     assert full.returncode == 1
     assert "Traceback" not in full.stderr
     (line,) = [line for line in full.stderr.splitlines() if line.startswith("error: ")]
-    assert ".ckpt can't be written (File too large); the one before it is whole" in line
+    assert ".ckpt: can't be written (File too large); the one before it is whole" in line
     assert last.read_bytes() == before
     assert the_record(tmp_path)[1]["status"] == "failed"
     done = command_line.run(tmp_path, *more, timeout=PATIENCE)

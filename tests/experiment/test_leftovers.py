@@ -38,6 +38,7 @@ def test_settings_and_the_log_alone_go(folder):
 def test_a_run_that_failed_before_its_first_epoch_goes(folder):
     write_json(folder / "record.json", {"status": "failed", "epochs": []})
     (folder / ".lock").touch()
+    (folder / ".record.json.0123abcd.part").touch()
     (folder / "checkpoints").mkdir()
     (folder / "csv" / "version_0").mkdir(parents=True)
     (folder / "csv" / "version_0" / "hparams.yaml").write_text("seed: 0\n")

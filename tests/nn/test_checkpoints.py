@@ -18,7 +18,6 @@ from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.nn import checkpoints
 from cospeech.nn.checkpoints import WholeCheckpoints, previous_of
 from cospeech.nn.weights_file import read_checkpoint
 from tests.killing import killed_writing
@@ -197,10 +196,21 @@ def test_a_disk_that_fills_up_while_it_is_flushed(two, monkeypatch):
     def full(handle):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(checkpoints.os, "fsync", full)
+    keeping = WholeCheckpoints()
+    keeping.load_checkpoint(two)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(CospeechError, match="No space left on device"):
-        WholeCheckpoints().save_checkpoint(content(3), two)
-    assert read(two)["epoch"] == 2
+        keeping.save_checkpoint(content(3), two)
+    assert [read(path)["epoch"] for path in (two, previous_of(two))] == [2, 1]
+    assert len(list(two.parent.iterdir())) == 2
+
+
+def test_what_a_killed_save_left_does_not_fill_the_disk(two):
+    mine = two.with_name(".last.ckpt.0123.part")
+    for left in (mine, two.with_name(".last.ckpt.0123abcd.part")):
+        left.write_bytes(b"half")
+    WholeCheckpoints().save_checkpoint(content(3), two)
+    assert sorted(two.parent.iterdir()) == [mine, two, previous_of(two)]
 
 
 @pytest.fixture
@@ -256,7 +266,7 @@ def test_killed_at_any_moment_of_its_writing_at_most_one_save_is_lost(last, tmp_
     elsewhere = Path(tempfile.mkdtemp(dir=other if os.access(other, os.W_OK) else tmp_path))
     torn = 0
     for started, saved in killed_writing(SAVE, str(last), times=30, TMPDIR=str(elsewhere)):
-        torn += last.with_name(".last.ckpt.partial").exists()
+        torn += any(last.parent.glob(".last.ckpt.*.part"))
         loaded = WholeCheckpoints().load_checkpoint(last)
         assert started < saved <= loaded["epoch"] <= saved + 1
         expected = torch.full((300_000,), float(loaded["epoch"]))

@@ -109,6 +109,27 @@ def test_what_is_wrong_is_named_with_its_key(good, place, odd):
     assert read_record(path) == {}
 
 
+DEEP = json.loads('{"a": ' * 41 + "1" + "}" * 41)
+
+
+@pytest.mark.parametrize(("values", "told"), [
+    ({"objective": True}, "objective is true or false, not a number"),
+    ({"seed": True}, "seed is true or false, not a whole number"),
+    ({"objective": 2e100}, "objective is 2.0e+100, too large to be measured"),
+    ({"id": "x" * 1001}, "id has 1001 characters"),
+    ({"timings": {"k" * 201: 1}}, "timings has a key of 201 characters"),
+    ({"config": {"a": {"k" * 201: 1}}}, "config has a key of over 200 characters"),
+    ({"config": DEEP}, "config is nested too deep or has too many values"),
+    ({"config": {"a": [0] * 10_000}}, "config is nested too deep or has too many values"),
+    ({"epochs": [{"val/fgd": 1}]}, "epochs[0] has no 'epoch'"),
+    ({"epochs": [{"epoch": -1}]}, "epochs[0].epoch is -1, no number of an epoch"),
+    ({"epochs": [{"epoch": 10**9}]}, "epochs[0].epoch is 1000000000, no number of an epoch"),
+], ids=lambda value: value if isinstance(value, str) else "")  # fmt: skip
+def test_each_bound_is_told(values, told):
+    (problem,) = record_problems(values)
+    assert problem.startswith(told)
+
+
 def test_numbers_as_far_apart_as_numbers_go_can_be_drawn(good):
     values = json.loads(next(good.glob("*/record.json")).read_text())
     for number, pair in enumerate(

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cospeech.files import write_text
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.reporting.files import write_text
 from cospeech.reporting.markup import escaped, markdown, one_line, plain
 from cospeech.reporting.tables import format_table
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word

@@ -7,7 +7,6 @@ import os
 import pytest
 
 from cospeech.errors import CospeechError
-from cospeech.reporting import record
 from cospeech.reporting.record import RunRecord, write_json
 
 FACTS = {"id": "x", "model": "m", "data": "d", "ablation": "full", "seed": 0, "config": {}}
@@ -20,7 +19,7 @@ def test_a_full_disk_leaves_the_old_file_and_is_named(tmp_path, monkeypatch):
     def full(handle):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(record.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(CospeechError, match="No space left on device") as caught:
         write_json(path, {"a": 2})
     assert str(path) in caught.value.problem

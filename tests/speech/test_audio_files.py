@@ -153,21 +153,6 @@ def test_saved_samples_come_back_within_half_a_step(tmp_path):
     np.testing.assert_array_equal(load_audio(tmp_path / "b.wav"), expected)
 
 
-def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch):
-    save_wav(tmp_path / "a.wav", np.full(100, 0.5, dtype=np.float32))
-    before = (tmp_path / "a.wav").read_bytes()
-
-    def full_disk(*args, **kwargs):
-        args[0].write_bytes(b"half")
-        raise OSError("no space left")
-
-    monkeypatch.setattr(soundfile, "write", full_disk)
-    with pytest.raises(OSError, match="no space"):
-        save_wav(tmp_path / "a.wav", np.zeros(100, dtype=np.float32))
-    assert (tmp_path / "a.wav").read_bytes() == before
-    assert list(tmp_path.iterdir()) == [tmp_path / "a.wav"]
-
-
 @pytest.mark.parametrize("waveform", [np.zeros((10, 2)), np.array([0.0, np.nan])])
 def test_what_is_no_waveform_is_not_saved(tmp_path, waveform):
     with pytest.raises(ValueError, match="waveform"):

@@ -6,13 +6,13 @@ import argparse
 import json
 import logging
 import math
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
 from cospeech.errors import CospeechError
+from cospeech.files import write_text
 from cospeech.motion.bvh import UP_AXES
 from cospeech.motion.joint_map import load_joint_map
 from cospeech.motion.joint_map_values import UNIT_SCALES
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             workers=given.workers,
         )
         if given.json is not None:
-            _write(given.json, json.dumps(checkup.to_dict(), indent=1))
+            write_text(given.json, json.dumps(checkup.to_dict(), indent=1))
     except CospeechError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -118,18 +118,6 @@ def _label(text: str) -> tuple[str, str]:
     if not equals or phase not in PHASES:
         raise argparse.ArgumentTypeError(f"TEXT=PHASE, of the phases {', '.join(PHASES)}")
     return label, phase
-
-
-def _write(path: Path, text: str) -> None:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_text(text)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise CospeechError(
-            f"can't write {path} ({error.strerror})", "choose another --json"
-        ) from error
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import shutil
 import zlib
 from collections.abc import Iterable, Iterator
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from cospeech.errors import InputFileError
+from cospeech.files import remove_temporaries, write_json
 from cospeech.foreign import parse_json, read_json, understood
 
 logger = logging.getLogger(__name__)
@@ -124,6 +124,7 @@ class BuildFolder:
         self.path.rename(path)
         for name in BOOKS:
             (path / name).unlink(missing_ok=True)
+        remove_temporaries(path)  # of an earlier process, killed at its last step
         return True
 
 
@@ -134,11 +135,3 @@ def _checksum(text: str) -> str:
 def json_line(values: Any) -> bytes:
     """JSON on one line."""
     return json.dumps(values).encode() + b"\n"
-
-
-def write_json(path: Path, values: Any) -> None:
-    """Write a JSON file through to the disk."""
-    with path.open("w") as file:
-        file.write(json.dumps(values))  # `json.dump` takes five times as long
-        file.flush()
-        os.fsync(file.fileno())

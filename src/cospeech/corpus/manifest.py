@@ -6,10 +6,10 @@ import hashlib
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from cospeech.corpus.build_folder import write_json
 from cospeech.corpus.packing import STREAMS
 from cospeech.corpus.recording_table import RECORDING_FACTS, StoredRecording
 from cospeech.errors import InputFileError
+from cospeech.files import write_json
 from cospeech.foreign import parse_json, read_bytes, understood
 
 MANIFEST, VOCABULARY, CHECKSUMS = "manifest.json", "vocabulary.json", "checksums.json"

@@ -13,11 +13,11 @@ from omegaconf import DictConfig, OmegaConf
 
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.finished_run import open_run
+from cospeech.files import replacing
 from cospeech.matching.control import read_values
 from cospeech.methods.base import GestureMethod
 from cospeech.motion.motion import Motion
 from cospeech.quoting import setting
-from cospeech.reporting.files import replacing
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import SAMPLE_RATE, Speech

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from cospeech.files import is_temporary
 from cospeech.reporting.record import read_record
 
 _FOLDERS = ("csv", "tensorboard", "wandb")
@@ -68,7 +69,7 @@ def _tells_nothing(path: Path, logs: list[str]) -> bool:
         named = path.name in _FOLDERS or path.name.startswith((".hydra", ".pl_hydra"))
         inside = list(path.rglob("*"))
         return not inside or (named and all(map(_is_of_this_process, inside)))
-    return path.name in _FILES or path.name in logs
+    return path.name in _FILES or path.name in logs or is_temporary(path)
 
 
 def _is_of_this_process(path: Path) -> bool:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from cospeech.corpus.build_folder import write_json
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.errors import CospeechError, InputFileError
+from cospeech.files import write_json
 from cospeech.matching.database import (
     ARRAYS,
     VERSION,

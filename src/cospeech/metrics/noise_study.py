@@ -10,12 +10,12 @@ import torch
 from torch import Tensor
 
 from cospeech.errors import CospeechError
+from cospeech.files import replacing
 from cospeech.metrics import disturbances
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.functional import frechet_terms, joint_mae
 from cospeech.metrics.moments import feature_moments
 from cospeech.metrics.protocol import encode
-from cospeech.reporting.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -162,7 +162,7 @@ def plot_noise_study(rows: list[NoiseRow], path: str | Path) -> None:
     )
     figure.suptitle("Metrics under synthetic disturbances of real motion", x=0.01, ha="left")
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=160)
+        figure.savefig(temporary, format=Path(path).suffix.removeprefix("."), dpi=160)
 
 
 def _bars(

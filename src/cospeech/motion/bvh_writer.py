@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import CospeechError
+from cospeech.files import replacing
 from cospeech.motion.kinematics import local_translations, quaternion_to_euler, world_rotations
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
@@ -27,7 +27,7 @@ def write_bvh(
     complete: a failed write leaves what was there before.
 
     Args:
-        path: The file; its folder must exist.
+        path: The file; missing folders are made.
         motion: With ``rotations_local`` and a skeleton with offsets.
         rotation_order: Order of the rotation channels, intrinsic.
         unit_scale: Metres per file unit; 0.01 writes centimetres.
@@ -37,7 +37,7 @@ def write_bvh(
 
     Raises:
         CospeechError: The motion has positions only, is empty, has NaN, or its skeleton has several
-            roots.
+            roots; or the file can't be written.
     """
     path = Path(path)
     skeleton = motion.skeleton
@@ -136,14 +136,11 @@ def _header(
 
 def _write(path: Path, head: str, values: NDArray[np.float64]) -> None:
     row = " ".join(["%.6f"] * values.shape[1]) + "\n"
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(head)
-            for start in range(0, len(values), _ROWS_PER_BLOCK):
-                block = values[start : start + _ROWS_PER_BLOCK]
-                file.write(row * len(block) % tuple(block.ravel().tolist()))
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    with (
+        replacing(path) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as file,
+    ):
+        file.write(head)
+        for start in range(0, len(values), _ROWS_PER_BLOCK):
+            block = values[start : start + _ROWS_PER_BLOCK]
+            file.write(row * len(block) % tuple(block.ravel().tolist()))

@@ -7,18 +7,17 @@ taken where the newest turns out to be damaged.
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import torch
 from lightning.fabric.plugins import CheckpointIO
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.nn.weights_file import read_checkpoint
+from cospeech.files import flush, remove_temporaries, replacing
+from cospeech.nn.weights_file import read_checkpoint, save
 
 LAST = "last.ckpt"
 """The checkpoint that runs continue from."""
@@ -43,31 +42,21 @@ class WholeCheckpoints(CheckpointIO):
             CospeechError: It can't be written; what was there is as it was.
         """
         path = _one_name(path)
-        temporary = path.with_name(f".{path.name}.partial")  # one process writes a run's folder
+        remove_temporaries(path.parent, path.name)  # one process writes a run's folder
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with temporary.open("wb") as file:
-                torch.save(checkpoint, file)
-                file.flush()
-                os.fsync(file.fileno())
-            # A damaged one must not take the place of the good one before it.
-            if path.name == LAST and path in self._whole:
-                _keep(path, previous_of(path))
-            temporary.replace(path)
-            _flush_folder(path.parent)
-        except (OSError, RuntimeError) as error:
-            reason = _of_the_system(error)
-            if reason is None:
-                raise
+            with replacing(path) as temporary:
+                save(checkpoint, temporary)
+                flush(temporary)
+                # A damaged one must not take the place of the good one before it.
+                if path.name == LAST and path in self._whole:
+                    _keep(path, previous_of(path))
+        except CospeechError as error:
             stays = "; the one before it is whole" if path.exists() else ""
             raise CospeechError(
-                f"{path} can't be written ({reason.strerror or reason}){stays}",
+                f"{error.problem}{stays}",
                 "free some space, or mend the folder's permissions; then continue the run with"
                 " ckpt_path=last",
             ) from error
-        finally:
-            with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
         self._whole.add(path)
 
     def load_checkpoint(
@@ -167,14 +156,6 @@ def _follow(content: dict[str, Any], folder: Path) -> None:
         state["dirpath"] = str(folder)
 
 
-def _of_the_system(error: BaseException) -> OSError | None:
-    """What the system said; torch's writer makes another error of it."""
-    link: BaseException | None = error
-    while link is not None and not isinstance(link, OSError):
-        link = link.__context__
-    return link
-
-
 def _keep(path: Path, previous: Path) -> None:
     """Make a file its own predecessor, and leave it in its place where links are known."""
     link = path.with_name(f".{path.name}.link")
@@ -186,13 +167,3 @@ def _keep(path: Path, previous: Path) -> None:
         return
     link.replace(previous)
     link.unlink(missing_ok=True)  # a rename between two links of one file does nothing
-
-
-def _flush_folder(folder: Path) -> None:
-    """Have a rename survive a power failure, where the system can."""
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
@@ -14,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from cospeech.errors import InputFileError
+from cospeech.files import replacing
 from cospeech.foreign import understood
 from cospeech.nn.pickle_opcodes import Claim, Walk
 
@@ -56,15 +56,28 @@ def write_weights(path: str | Path, content: dict[str, Any]) -> None:
     Args:
         path: File to write; an existing one is replaced.
         content: What `read_weights` gives back.
+
+    Raises:
+        CospeechError: It can't be written; what was there is as it was.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        torch.save(content, temporary)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as temporary:
+        save(content, temporary)
+
+
+def save(content: dict[str, Any], path: Path) -> None:
+    """`torch.save`, whose error is the system's where that is its reason.
+
+    Raises:
+        OSError: The file can't be written.
+    """
+    with path.open("wb") as file:
+        try:
+            torch.save(content, file)
+        except RuntimeError as error:  # which torch's writer makes of it
+            reason: BaseException | None = error
+            while reason is not None and not isinstance(reason, OSError):
+                reason = reason.__context__
+            raise reason or error from None
 
 
 def read_weights(

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from cospeech.errors import InputFileError
+from cospeech.files import remove_temporaries, write_text
 from cospeech.foreign import read_json
-from cospeech.reporting.files import remove_temporaries, write_text
 from cospeech.reporting.record_schema import record_problems
 
 RECORD_SCHEMA = 1
@@ -43,7 +43,7 @@ class RunRecord:
         self.path = path
         self._writes = writes
         if writes:
-            remove_temporaries(path)
+            remove_temporaries(path.parent, path.name)
         self.earlier = earlier = load_record(path) if path.is_file() else {}
         self.values: dict[str, Any] = {
             "schema": RECORD_SCHEMA,

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from cospeech.files import write_text
 from cospeech.reporting.chart import SERIES_COLOURS, Line, line_chart
 from cospeech.reporting.collect import Collection, Group, Run, differences, group_runs, number
-from cospeech.reporting.files import write_text
 from cospeech.reporting.markup import escaped, markdown, one_line
 from cospeech.reporting.results import Results, results_of
 from cospeech.reporting.tables import (

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.files import replacing
 from cospeech.motion.motion import Motion
 from cospeech.reporting.drawing import FigurePainter
-from cospeech.reporting.files import replacing
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 
 if TYPE_CHECKING:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import logging
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import soxr
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.files import replacing
 from cospeech.foreign import understood
 from cospeech.speech.audio_streams import READABLE, UNKNOWN_FRAMES, open_sound
 from cospeech.speech.speech import SAMPLE_RATE
@@ -122,24 +123,22 @@ def save_wav(path: str | Path, waveform: NDArray[np.floating]) -> None:
     most half a step (1.5e-5) away; only values above 32767/32768 lose more.
 
     Args:
-        path: The file to write; its folder must exist.
+        path: The file to write; missing folders are made.
         waveform: ``(N,)`` samples in [-1, 1] at 16 kHz.
 
     Raises:
         ValueError: The waveform is not one-dimensional or not finite.
+        CospeechError: It can't be written; what was there is as it was.
     """
     if waveform.ndim != 1:
         raise ValueError(f"a waveform is (samples,), got shape {waveform.shape}")
     if not np.isfinite(waveform).all():
         raise ValueError("the waveform holds NaN or infinity")
     steps = np.clip(np.rint(waveform * 32768.0), -32768, 32767).astype(np.int16)
-    path = Path(path)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        soundfile.write(partial, steps, SAMPLE_RATE, subtype="PCM_16", format="WAV")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    content = io.BytesIO()  # of a full disk, soundfile says no more than "System error."
+    soundfile.write(content, steps, SAMPLE_RATE, subtype="PCM_16", format="WAV")
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.getvalue())
 
 
 def _check_is_file(path: Path) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -13,6 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from cospeech.files import replacing
 from cospeech.motion.phases import PHASES, PhaseSegment
 
 _EAF_NAMESPACE = "http://www.w3.org/2001/XMLSchema-instance"
@@ -48,7 +47,7 @@ def write_phase_table(
         names: What to write as the class of each segment.
     """
     with (
-        _replacing(Path(path)) as temporary,
+        replacing(path) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as f,
     ):
         rows = csv.writer(f, lineterminator="\n")
@@ -118,17 +117,5 @@ def write_elan(
         GRAPHIC_REFERENCES="false",
     )
     ET.indent(document)
-    with _replacing(Path(path)) as temporary:
+    with replacing(path) as temporary:
         ET.ElementTree(document).write(temporary, encoding="utf-8", xml_declaration=True)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A temporary path that becomes ``path`` when the block ends without an error."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        yield temporary
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.corpus.build_folder import write_json
 from cospeech.errors import ConfigError, InputFileError
+from cospeech.files import write_json
 from cospeech.foreign import read_json, understood
 
 _ARRAYS = ("windows", "ks", "pointers")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from lightning.fabric.loggers.logger import Logger
 from numpy.typing import NDArray
+
+from cospeech.files import write_text
 
 _CELL, _LEFT, _TOP = 76, 118, 54
 _PALE, _DARK = np.array([247, 249, 252]), np.array([31, 94, 168])
@@ -20,10 +21,7 @@ def write_confusion(
     path: Path, confusion: NDArray[np.int64], classes: Sequence[str], title: str
 ) -> None:
     """Write `confusion_svg`; the file appears only when complete."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(confusion_svg(confusion, classes, title), encoding="utf-8")
-    temporary.replace(path)
+    write_text(path, confusion_svg(confusion, classes, title))
 
 
 def show_confusion(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.files import write_text
 from cospeech.reporting.corpus_report.distributions import (
     body_section,
     histograms_section,
@@ -25,7 +26,6 @@ from cospeech.reporting.corpus_report.listings import (
 from cospeech.reporting.corpus_report.overview import dropped_section, splits_section, tiles
 from cospeech.reporting.corpus_report.statistics import corpus_statistics
 from cospeech.reporting.corpus_report.windows import choose_windows, draw_window
-from cospeech.reporting.files import write_text
 from cospeech.reporting.markup import escaped
 
 WINDOWS_DRAWN = 10

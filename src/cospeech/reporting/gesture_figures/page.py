@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from cospeech.files import write_text
 from cospeech.metrics.gesture_statistics.findings import Verdict
 from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemStatistics
-from cospeech.reporting.files import write_text
 from cospeech.reporting.gesture_figures.curves import range_chart, velocity_chart
 from cospeech.reporting.gesture_figures.looks import looks_of, title_of
 from cospeech.reporting.gesture_figures.phase_charts import (

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from cospeech.errors import CospeechError
+from cospeech.files import write_text
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASES
 from cospeech.reporting.figure import PART_COLOURS, PARTS
-from cospeech.reporting.files import write_text
 from cospeech.reporting.markup import escaped, plain
 from cospeech.reporting.player.encode import encode_audio, encode_tracks
 from cospeech.speech.speech import Speech

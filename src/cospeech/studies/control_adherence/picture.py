@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.reporting.files import replacing
+from cospeech.files import replacing
 from cospeech.reporting.markup import one_line
 from cospeech.studies.control_adherence.making import Values
 

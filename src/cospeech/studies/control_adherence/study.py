@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from cospeech.corpus.store import Store
+from cospeech.files import write_text
 from cospeech.matching.control import QUANTITIES
 from cospeech.matching.search import MatchingSearch
 from cospeech.methods.base import GestureMethod
-from cospeech.reporting.files import write_text
 from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
 from cospeech.studies.control_adherence.asked import (

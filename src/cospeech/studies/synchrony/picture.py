@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cospeech.errors import CospeechError
-from cospeech.reporting.files import replacing
+from cospeech.files import replacing
 from cospeech.reporting.markup import one_line
 from cospeech.studies.synchrony.rows import LAGS_S, SynchronyRow
 
@@ -62,7 +62,7 @@ def plot_synchrony(rows: Sequence[SynchronyRow], lag_s: float, corpus: str, path
         parse_math=False,  # a corpus may be called anything: no name is a formula
     )
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=160)
+        figure.savefig(temporary, format=path.suffix.removeprefix("."), dpi=160)
 
 
 def _lifts(axis: Axes, rows: Sequence[SynchronyRow], direction: str) -> None:

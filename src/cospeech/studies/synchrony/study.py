@@ -15,12 +15,12 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.evaluation import real_windows, reference_rows
+from cospeech.files import write_text
 from cospeech.metrics import protocol
 from cospeech.metrics.beat_consistency import BeatClip, MotionBeats, StressedSyllables, beat_clip
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.motion.motion import Motion
 from cospeech.progress import progress_bar
-from cospeech.reporting.files import write_text
 from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
 from cospeech.speech.speech import Speech

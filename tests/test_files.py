@@ -4,18 +4,27 @@ import errno
 import json
 import os
 import resource
+import stat
 
 import numpy as np
 import pytest
+import torch
 
 from cospeech.errors import CospeechError
+from cospeech.files import is_temporary, remove_temporaries, replacing, write_text
+from cospeech.formats.phase_files.writing import write_elan, write_phase_table
+from cospeech.methods.phase_classifier.confusion_picture import write_confusion
+from cospeech.motion.bvh import write_bvh
 from cospeech.motion.motion import Motion
+from cospeech.motion.phases import PhaseSegment
+from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.nn.weights_file import write_weights
 from cospeech.reporting.collect import collect
-from cospeech.reporting.files import replacing, write_text
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.record import RunRecord, write_json
 from cospeech.reporting.report import write_report
+from cospeech.speech.audio import save_wav
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 from tests.corpora import REST_POSE
 from tests.reporting.records import record
@@ -44,7 +53,22 @@ def report(path):
     return write_report(collect(runs), path)
 
 
+def bvh(path):
+    skeleton = Skeleton("one", ("a",), (-1,), np.zeros((1, 3)))
+    rotations = np.zeros((1000, 1, 4), np.float32)
+    rotations[..., 3] = 1  # whichever end is the scalar, these turn about one axis
+    write_bvh(path, Motion(skeleton, 15.0, np.zeros((1000, 1, 3)), rotations))
+
+
+PHASES = [PhaseSegment(float(i), i + 1.0, "stroke") for i in range(1000)]
+
 WRITERS = {
+    "checkpoint of weights": lambda path: write_weights(path, {"w": torch.zeros(10_000)}),
+    "sound": lambda path: save_wav(path, np.zeros(10_000, np.float32)),
+    "motion": bvh,
+    "phase table": lambda path: write_phase_table(path, PHASES),
+    "ELAN": lambda path: write_elan(path, PHASES),
+    "confusion": lambda path: write_confusion(path, np.eye(30, dtype=int), ["a"] * 30, "title"),
     "text": lambda path: write_text(path, "x" * 10_000),
     "json": lambda path: write_json(path, {"x": "x" * 10_000}),
     "player": player,
@@ -75,10 +99,10 @@ def test_without_room_the_old_file_stays_and_is_named(name, tmp_path, request):
     ],
 )
 def test_the_reason_and_the_next_step_are_said(code, reason, hint, tmp_path, monkeypatch):
-    def refuse(*args, **kwargs):
-        raise OSError(code, os.strerror(code), str(tmp_path / "temporary"))
+    def refuse(temporary, **kwargs):
+        raise OSError(code, os.strerror(code), str(temporary))
 
-    monkeypatch.setattr("cospeech.reporting.files.tempfile.mkstemp", refuse)
+    monkeypatch.setattr("cospeech.files.Path.touch", refuse)
     with pytest.raises(CospeechError) as raised:
         write_text(tmp_path / "page.html", "text")
     problem, advice = str(raised.value).split("\n")
@@ -105,9 +129,38 @@ def test_what_else_goes_wrong_inside_goes_on_up(tmp_path):
 
 
 def test_names_as_long_as_names_can_be(tmp_path):
-    path = tmp_path / ("n" * 250 + ".html")
+    path = tmp_path / ("[n]" * 81 + ".html")
     write_text(path, "text")
     assert path.read_text() == "text"
+    left = tmp_path / f".{path.name[:40]}.0123abcd.part"
+    left.touch()
+    remove_temporaries(tmp_path, path.name)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_is_not_complete_is_hidden_and_looks_like_nothing_that_is_read(tmp_path):
+    with replacing(tmp_path / "take.bvh") as temporary:
+        assert temporary.name.startswith(".")
+        assert temporary.suffix not in (".bvh", "")
+        assert is_temporary(temporary)
+        assert not is_temporary(tmp_path / "take.bvh")
+
+
+def test_modes_are_those_of_any_new_file(tmp_path):
+    umask = os.umask(0o027)
+    try:
+        write_text(tmp_path / "a", "text")
+    finally:
+        os.umask(umask)
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_link_is_replaced_not_what_it_points_at(tmp_path):
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "a").symlink_to(tmp_path / "mine")
+    write_text(tmp_path / "a", "text")
+    assert (tmp_path / "mine").read_text() == "mine"
+    assert not (tmp_path / "a").is_symlink()
 
 
 def test_a_record_that_cannot_be_written_keeps_its_last_state(tmp_path, request):
@@ -125,11 +178,22 @@ def test_a_resumed_record_removes_what_a_kill_left_and_nothing_else(tmp_path, mo
     RunRecord(path, {"id": "a", "config": {}})
     mine.write_text("x")
     with monkeypatch.context() as killed:  # nothing of the clean-up happens
-        killed.setattr("cospeech.reporting.files.Path.replace", lambda *_: None)
-        killed.setattr("cospeech.reporting.files.Path.unlink", lambda *_, **__: None)
+        killed.setattr("cospeech.files.Path.replace", lambda *_: None)
+        killed.setattr("cospeech.files.Path.unlink", lambda *_, **__: None)
         RunRecord(path, {"id": "b", "config": {}})
     assert len(list(tmp_path.iterdir())) == 3
     RunRecord(path, {"id": "c", "config": {}}, writes=False)
     assert len(list(tmp_path.iterdir())) == 3
     RunRecord(path, {"id": "c", "config": {}})
     assert sorted(tmp_path.iterdir()) == [mine, path]
+
+
+def test_content_is_on_the_disk_before_its_name_and_then_the_name(tmp_path, monkeypatch):
+    flushed = []
+
+    def fsync(handle):
+        flushed.append((stat.S_ISDIR(os.fstat(handle).st_mode), (tmp_path / "a").exists()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    write_text(tmp_path / "a", "text")
+    assert flushed == [(False, False), (True, True)]
