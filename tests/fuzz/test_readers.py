@@ -1,6 +1,6 @@
 """Every reader of files raises what it documents, in bounded time and memory, whatever a file says.
 
-``COSPEECH_FUZZ_MUTATIONS=50000 pytest -m slow tests/fuzz`` tries more than CI's 1,500 inputs of
+``COSPEECH_FUZZ_MUTATIONS=50000 pytest -m slow tests/fuzz`` tries more than CI's 5,000 inputs of
 each reader; ``COSPEECH_FUZZ_SEED=7`` tries others. Failing inputs are kept in the test's folder.
 """
 
@@ -16,7 +16,7 @@ import pytest
 
 from tests.fuzz.readers import NO_READERS, READERS
 
-MUTATIONS = int(os.environ.get("COSPEECH_FUZZ_MUTATIONS", "1500"))
+MUTATIONS = int(os.environ.get("COSPEECH_FUZZ_MUTATIONS", "5000"))
 SEED = int(os.environ.get("COSPEECH_FUZZ_SEED", "1"))
 MOST_FAILURES = 5
 ROOT = Path(__file__).resolve().parents[2]
