@@ -150,7 +150,7 @@ def test_a_failed_write_leaves_the_old_file(encoder, tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr(torch, "save", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(CospeechError, match="disk full"):
         save_encoder(encoder, path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
