@@ -238,8 +238,6 @@ def test_names_that_are_no_utf_8_are_read_like_others(tmp_path, name):
     assert len(waveform) == pytest.approx(16000, abs=2048)
     assert audio_seconds(path) == pytest.approx(1.0, abs=0.15)
     path.write_bytes(b"no sound at all")
-    with pytest.raises(
-        InputFileError, match="can't be read as audio|ffmpeg can't decode"
-    ) as caught:
+    with pytest.raises(InputFileError, match=r"can't (be read as audio|decode it) \(") as caught:
         read_audio(path)
     assert "Unicode" not in str(caught.value)
