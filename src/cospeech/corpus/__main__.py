@@ -10,6 +10,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cospeech.terminal import exit_status, number_between, stop_at_once
+
+if __name__ == "__main__":
+    stop_at_once()
+
 from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
 from cospeech.errors import CospeechError
 from cospeech.files import behind_links, require_replaceable, write_text
@@ -17,7 +22,6 @@ from cospeech.motion.bvh import UP_AXES
 from cospeech.motion.joint_map import load_joint_map
 from cospeech.motion.joint_map_values import UNIT_SCALES
 from cospeech.motion.phases import PHASES
-from cospeech.terminal import exit_status, number_between
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

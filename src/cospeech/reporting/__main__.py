@@ -7,11 +7,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cospeech.terminal import exit_status, stop_at_once
+
+if __name__ == "__main__":
+    stop_at_once()
+
 from cospeech.errors import CospeechError
 from cospeech.files import behind_links
 from cospeech.reporting.collect import collect
 from cospeech.reporting.report import text_report, write_report
-from cospeech.terminal import exit_status
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
