@@ -1,6 +1,10 @@
 """Gestures for a recording: ``python generate.py run=outputs/runs/ID audio=speech.wav``."""
 
 if __name__ == "__main__":
+    from cospeech.terminal import stop_at_once
+
+    stop_at_once()
+
     from omegaconf import DictConfig
 
     from cospeech.experiment.command_line import command

@@ -2,6 +2,10 @@
 
 # Processes that read a corpus import this file too, and need nothing of what is below.
 if __name__ == "__main__":
+    from cospeech.terminal import stop_at_once
+
+    stop_at_once()
+
     from omegaconf import DictConfig
 
     from cospeech.experiment.command_line import command

@@ -27,6 +27,46 @@ def test_what_stops_a_module_is_one_line(capsys, error, status, told):
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("command", "imported"),
+    [
+        (["train.py", "model=trimodal"], "torch"),
+        (["train.py"], "omegaconf"),
+        (["prepare.py"], "omegaconf"),
+        (["evaluate.py"], "omegaconf"),
+        (["generate.py"], "omegaconf"),
+        (["-m", "cospeech.corpus", "doctor", "."], "re2"),
+        (["-m", "cospeech.reporting", "."], "re2"),
+    ],
+)
+def test_ctrl_c_while_a_command_imports_what_it_needs_is_one_line(command, imported, tmp_path):
+    pressed = "import os, signal\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\n"
+    # as libraries do
+    pressed += "except KeyboardInterrupt:\n    raise ImportError('no core') from None\n"
+    (tmp_path / f"{imported}.py").write_text(pressed)
+    done = subprocess.run(
+        [sys.executable, *command],
+        cwd=Path(__file__).parents[1],
+        env={**os.environ, "PYTHONPATH": ":".join([str(tmp_path), *filter(None, sys.path)])},
+        capture_output=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"\nstopped\n")
+
+
+def test_ctrl_c_raises_again_once_there_is_something_to_keep():
+    code = (
+        "import signal; from cospeech.terminal import exit_status, stop_at_once\n"
+        "def main():\n    return signal.getsignal(signal.SIGINT) is signal.default_int_handler\n"
+        "stop_at_once()\nprint(main())\nprint(exit_status(main))\n"
+        "stop_at_once()\nfrom cospeech.experiment import run_folder\nprint(main())\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\nstop_at_once()\n"
+        "print(signal.getsignal(signal.SIGINT) is signal.SIG_IGN)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60)
+    assert done.stdout.split() == [b"False", b"True", b"True", b"True"]
+
+
 def test_a_status_is_passed_on_and_a_bug_keeps_its_traceback():
     assert exit_status(lambda: 1) == 1
     with pytest.raises(KeyError):

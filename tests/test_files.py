@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech.corpus.__main__ import main as corpus_main
 from cospeech.errors import CospeechError
 from cospeech.files import is_temporary, remove_temporaries, replacing, write_text
 from cospeech.formats.phase_files.writing import write_elan, write_phase_table
@@ -20,6 +21,7 @@ from cospeech.motion.phases import PhaseSegment
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.nn.weights_file import write_weights
+from cospeech.reporting.__main__ import main as reporting_main
 from cospeech.reporting.collect import collect
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.record import RunRecord, write_json
@@ -27,6 +29,7 @@ from cospeech.reporting.report import write_report
 from cospeech.speech.audio import save_wav
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 from tests.corpora import REST_POSE
+from tests.fabricated.mocap import TRINITY_BODY, put_bvh, swinging
 from tests.reporting.records import record
 
 
@@ -161,6 +164,47 @@ def test_a_link_is_replaced_not_what_it_points_at(tmp_path):
     write_text(tmp_path / "a", "text")
     assert (tmp_path / "mine").read_text() == "mine"
     assert not (tmp_path / "a").is_symlink()
+
+
+def test_pipes_and_what_links_point_at_besides_files_are_refused_and_stay(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    for name in ("pipe", "link"):
+        with pytest.raises(CospeechError, match="it is not a file") as raised:
+            write_text(tmp_path / name, "text")
+        assert "name of a new file" in raised.value.hint
+    assert stat.S_ISFIFO((tmp_path / "link").stat().st_mode)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.fixture
+def typed(tmp_path):
+    """Commands that write to a path that is typed."""
+    (tmp_path / "runs").mkdir()
+    record(tmp_path / "runs")
+    corpus = tmp_path / "corpus"
+    put_bvh(corpus / "a.bvh", swinging(TRINITY_BODY, "a", 2.0, 10))
+    return {
+        "report": lambda path: reporting_main([str(tmp_path / "runs"), "--output", str(path)]),
+        "doctor": lambda path: corpus_main(["doctor", str(corpus), "--json", str(path)]),
+    }
+
+
+@pytest.mark.parametrize("command", ["report", "doctor"])
+def test_a_path_that_is_typed_is_written_behind_links_and_never_a_pipe(command, typed, tmp_path):
+    mine = tmp_path / "mine"
+    for old in ("old", None):  # or a link to nothing yet
+        if old is not None:
+            mine.write_text(old)
+            (tmp_path / "link").symlink_to(mine)
+        else:
+            mine.unlink()
+        typed[command](tmp_path / "link")
+        assert (tmp_path / "link").is_symlink()
+        assert mine.read_text()[0] in "<{"
+    os.mkfifo(tmp_path / "pipe")
+    assert typed[command](tmp_path / "pipe") != 0
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 
 
 def test_a_record_that_cannot_be_written_keeps_its_last_state(tmp_path, request):

@@ -31,11 +31,13 @@ def replacing(path: str | Path) -> Iterator[Path]:
     link is replaced.
 
     Raises:
-        CospeechError: It can't be written: no room, no permission, a folder of that name.
+        CospeechError: It can't be written: no room, no permission, or a folder, pipe or device has
+            that name, or is what a link of that name points at.
     """
     target = Path(path)
     temporary = target.parent / f".{target.name[:_MOST_OF_A_NAME]}.{secrets.token_hex(4)}{_SUFFIX}"
     try:
+        require_replaceable(target)
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary.touch(exist_ok=False)
         yield temporary
@@ -47,6 +49,29 @@ def replacing(path: str | Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def require_replaceable(path: Path) -> None:
+    """Refuse what a file must not take the place of: folders, pipes, devices.
+
+    Raises:
+        CospeechError: It is one of these, or can't be looked at.
+    """
+    try:
+        is_other = path.exists() and not path.is_file()
+    except OSError as error:
+        raise _unwritable(path, path, error) from error
+    if is_other:
+        hint = "give the name of a new file, or of one that is to be replaced"
+        raise CospeechError(f"{path}: can't be written (it is not a file)", hint)
+
+
+def behind_links(path: Path) -> Path:
+    """What a user's own link stands for: that is to be written, and the link stays.
+
+    Never for a name in a folder that may be a stranger's.
+    """
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def remove_temporaries(folder: Path, name: str | None = None) -> None:

@@ -11,8 +11,10 @@ import json
 import logging
 import os
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
@@ -85,11 +87,39 @@ def understood(path: str | Path, what: str, hint: str | None = None) -> Iterator
 def require_no_pipe(path: Path, hint: str | None = None) -> None:
     """Refuse what would never end, or keep its reader waiting: pipes, devices, folders.
 
+    For readers that open their file themselves; others take `open_file`.
+
     Raises:
         InputFileError: It is one of these. A file that is absent is left to its reader.
     """
     if path.exists() and not path.is_file():
-        raise InputFileError(path, "can't be read: it is not a file", hint=hint)
+        raise _no_file(path, hint)
+
+
+def open_file(path: str | Path, hint: str | None = None) -> BufferedReader:
+    """A file to read from, opened without waiting for anyone.
+
+    Raises:
+        InputFileError: It is a pipe, a device or a folder.
+        OSError: It is absent or can't be read.
+    """
+    try:
+        file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115
+    except IsADirectoryError:
+        raise _no_file(path, hint) from None
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise _no_file(path, hint)
+    return file
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    # A pipe that nobody writes to is opened only when somebody does.
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def _no_file(path: str | Path, hint: str | None) -> InputFileError:
+    return InputFileError(path, "can't be read: it is not a file", hint=hint)
 
 
 def read_bytes(path: str | Path, what: str, most_bytes: int, hint: str | None = None) -> bytes:
@@ -104,12 +134,9 @@ def read_bytes(path: str | Path, what: str, most_bytes: int, hint: str | None = 
     Raises:
         InputFileError: Absent, unreadable, no regular file, or too long.
     """
-    path = Path(path)
-    with understood(path, what, hint):
-        require_no_pipe(path, hint)
-        with path.open("rb") as file:
-            # `read` takes memory for as much as it is asked for.
-            data = file.read(min(os.fstat(file.fileno()).st_size, most_bytes) + 1)
+    with understood(path, what, hint), open_file(path, hint) as file:
+        # `read` takes memory for as much as it is asked for.
+        data = file.read(min(os.fstat(file.fileno()).st_size, most_bytes) + 1)
     if len(data) > most_bytes:
         problem = f"too long for {what} (over {most_bytes} bytes)"
         raise InputFileError(path, problem, hint=hint)

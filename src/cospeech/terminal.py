@@ -8,8 +8,11 @@ import io
 import logging
 import math
 import os
+import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
+from types import FrameType
 from typing import Any
 
 from cospeech.errors import one_line, plain
@@ -74,6 +77,28 @@ def keep_printing() -> None:
         setattr(sys, name, replacement)
 
 
+def stop_at_once() -> None:
+    """Have Ctrl-C end this process with one line, until `stop_in_order`.
+
+    For a command that is still importing: it has nothing to keep, and the libraries make a
+    traceback, or an error of their own, of an interrupt.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
+        signal.signal(signal.SIGINT, _stop)
+
+
+def stop_in_order() -> None:
+    """Have Ctrl-C raise `KeyboardInterrupt` again, if `stop_at_once` has changed that."""
+    if signal.getsignal(signal.SIGINT) is _stop:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    with suppress(OSError):
+        os.write(2, b"\nstopped\n")  # the stream may be in the middle of its own writing
+    os._exit(130)
+
+
 def number_between(least: float, most: float) -> Callable[[str], float]:
     """For `argparse`: what reads an option's text as a number from ``least`` to ``most``."""
 
@@ -96,6 +121,7 @@ def exit_status(main: Callable[[], int]) -> int:
     a reader of the output that has left, as ``head`` does, is no error.
     """
     keep_printing()
+    stop_in_order()
     try:
         status = main()
         sys.stdout.flush()

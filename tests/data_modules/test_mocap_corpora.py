@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
 import cospeech.experiment  # noqa: F401  registers the resolver of run folders
 from cospeech.corpus.store import Store
+from cospeech.doctor import Check, check_path
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.bvh import write_bvh
 from cospeech.motion.gesture_joints import gesture_joints
@@ -21,6 +23,7 @@ from cospeech.motion.upper_body import to_upper_body
 from cospeech.motion.velocities import wrists
 from tests.fabricated.mocap import (
     TRINITY_BODY,
+    bursts,
     put_bvh,
     put_text,
     swinging,
@@ -126,9 +129,14 @@ def test_speakers_of_every_alphabet_and_names_that_are_no_utf_8(tmp_path, reques
     request.addfinalizer(lambda: logging.disable(logging.NOTSET))
     for path in ("Jörg/a.bvh", "Jörg/b.bvh", "J\udcf6rg/n\udcfc.bvh"):
         put_bvh(tmp_path / "m" / path, swinging(TRINITY_BODY, path[0], 3.0, 10))
+        soundfile.write(tmp_path / "made.ogg", bursts("n", 3.0), 16_000)
+        (tmp_path / "made.ogg").rename((tmp_path / "m" / path).with_suffix(".ogg"))
     mine = ("split=recordings", r"speaker='^(\w+)'")
     store = data_module("mocap", tmp_path / "m", tmp_path / "s", *mine).prepare_store()
     assert [one.speaker for one in store.recordings] == ["Jörg", "Jörg", "J"]
+    assert store.audio(2, 0, 48_000).any()
+    findings = check_path(tmp_path / "m").findings
+    assert not [found for found in findings if found.check is Check.UNREADABLE]
 
 
 def test_motion_without_audio(tmp_path):

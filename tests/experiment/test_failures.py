@@ -95,6 +95,22 @@ def test_what_cannot_be_read_is_not_to_be_written_elsewhere(tmp_path):
     assert "ulimit" in hint_of(errno.EMFILE, there, cfg)
 
 
+def test_a_file_where_a_folder_should_be_is_named_and_the_setting_that_gives_another(tmp_path):
+    cfg = settings(tmp_path)
+    (tmp_path / "out").write_text("")
+    told = as_sentence(raised(lambda: (tmp_path / "out" / "runs" / "new").mkdir(parents=True)), cfg)
+    assert told.problem == f"{tmp_path / 'out'} is a file, not a folder"
+    assert told.hint == "give another folder: outputs_dir=DIR"
+    (tmp_path / "stores").write_text("")
+    told = as_sentence(raised(lambda: (tmp_path / "stores").mkdir(exist_ok=True)), cfg)
+    assert told.problem == f"{tmp_path / 'stores'} is a file, not a folder"
+    assert told.hint == "give another folder: data.store_dir=DIR"
+    told = as_sentence(raised(lambda: (tmp_path / "out" / "a.wav").read_bytes()))
+    assert (told.problem, told.hint) == (f"{tmp_path / 'out'} is a file, not a folder", None)
+    told = as_sentence(raised(tmp_path.mkdir), cfg)  # a folder is none
+    assert told.problem == f"{tmp_path}: File exists"
+
+
 def test_only_a_training_goes_on_from_a_checkpoint(tmp_path):
     for command in ("train", "prepare", "evaluate", "generate"):
         cfg = settings(tmp_path, command)

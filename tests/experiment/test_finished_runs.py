@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 
 from cospeech.corpus.manifest import write_manifest
 from cospeech.errors import ConfigError, CospeechError
@@ -113,6 +114,20 @@ def test_the_motion_is_kept_where_the_page_fails(outputs, run, tmp_path, monkeyp
         spoken(outputs, run, tmp_path)
     assert str(tmp_path / "motion.npz") in str(caught.value)
     assert np.load(tmp_path / "motion.npz")["positions"].shape == (60, 10, 3)
+
+
+def test_weights_of_a_training_that_diverged_leave_no_motion(outputs, tmp_path):
+    run = outputs.run("trimodal", below="diverged")
+    for checkpoint in run.glob("checkpoints/*.ckpt"):
+        content = torch.load(checkpoint, weights_only=False)
+        for values in content["state_dict"].values():
+            if values.is_floating_point():
+                values.fill_(torch.nan)
+        torch.save(content, checkpoint)
+    with pytest.raises(CospeechError, match="the motion holds NaN") as caught:
+        spoken(outputs, run, tmp_path / "made")
+    assert "checkpoint=last" in caught.value.hint
+    assert not (tmp_path / "made").exists()
 
 
 def test_a_file_name_that_is_no_text_has_a_page(outputs, tmp_path):

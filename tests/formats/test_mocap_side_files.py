@@ -1,10 +1,13 @@
 """What lies beside a take and can't be used costs itself, never the take; sound that can't be read
 is never taken for no sound."""
 
+import os
+
 import numpy as np
 import pytest
 import soundfile
 
+from cospeech.doctor import Severity, check_path
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.formats.mocap import Take, Voice, find_takes, read_take, take_sources
 from cospeech.motion.phases import PHASES
@@ -50,6 +53,31 @@ def test_where_the_preferred_transcript_can_not_be_used_the_next_is(tmp_path):
     assert {remark.kind for remark in recording.remarks} == {
         "a transcript that can't be used; another is"
     }
+
+
+def put_pipe(path):
+    os.mkfifo(path)
+
+
+def put_link_to_a_device(path):
+    path.symlink_to("/dev/zero")
+
+
+@pytest.mark.parametrize("put", [os.mkdir, put_pipe, put_link_to_a_device])
+def test_what_is_no_file_costs_itself_and_nobody_waits_for_it(tmp_path, put):
+    put_take(tmp_path)
+    for name in ("t.txt", "t.srt", "t.eaf"):
+        put(tmp_path / name)
+    recording = read_take(*find_takes(tmp_path))
+    assert recording.speech.words is None
+    assert recording.phases is None
+    if put is os.mkdir:  # folders are looked into, never taken for files
+        assert recording.remarks == ()
+    else:
+        assert {remark.path.name for remark in recording.remarks} == {"t.txt", "t.srt", "t.eaf"}
+        assert all("is not a file" in remark.text for remark in recording.remarks)
+    findings = check_path(tmp_path).findings
+    assert not [found for found in findings if found.severity is Severity.ERROR]
 
 
 @pytest.mark.parametrize("kind", [ZeroDivisionError, MemoryError, RecursionError, KeyError])

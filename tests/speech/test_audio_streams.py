@@ -1,5 +1,6 @@
 """Sound of unknown length, in containers, that cancels itself out, or that claims to be endless."""
 
+import os
 import shutil
 import struct
 import subprocess
@@ -220,3 +221,23 @@ def test_an_unreadable_file_is_an_error_about_that_file(tmp_path, monkeypatch):
     monkeypatch.setattr("cospeech.speech.audio.open_sound", refused)
     with pytest.raises(InputFileError, match=r"a\.wav: can't be read as audio \(Permission denied"):
         load_audio(path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [b"aufnahme_\xfc1.ogg", pytest.param(b"aufnahme_\xfc1.m4a", marks=ffmpeg)],
+)
+def test_names_that_are_no_utf_8_are_read_like_others(tmp_path, name):
+    made = tmp_path / "made.ogg"
+    soundfile.write(made, tone(), 16000)
+    path = tmp_path / os.fsdecode(name)
+    if name.endswith(b"m4a"):
+        made = converted(made, tmp_path / "made.m4a")
+    made.rename(path)
+    waveform, _ = read_audio(path)
+    assert len(waveform) == pytest.approx(16000, abs=2048)
+    assert audio_seconds(path) == pytest.approx(1.0, abs=0.15)
+    path.write_bytes(b"no sound at all")
+    with pytest.raises(InputFileError, match=r"can't (be read as audio|decode it) \(") as caught:
+        read_audio(path)
+    assert "Unicode" not in str(caught.value)

@@ -10,14 +10,18 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cospeech.terminal import exit_status, number_between, stop_at_once
+
+if __name__ == "__main__":
+    stop_at_once()
+
 from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
 from cospeech.errors import CospeechError
-from cospeech.files import write_text
+from cospeech.files import behind_links, require_replaceable, write_text
 from cospeech.motion.bvh import UP_AXES
 from cospeech.motion.joint_map import load_joint_map
 from cospeech.motion.joint_map_values import UNIT_SCALES
 from cospeech.motion.phases import PHASES
-from cospeech.terminal import exit_status, number_between
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     level = log.level
     log.setLevel(logging.ERROR)
     try:
+        if given.json is not None:
+            require_replaceable(given.json)  # before hours of looking
         joint_map = None if given.joint_map is None else load_joint_map(given.joint_map)
         checkup = check_path(
             given.path,
@@ -49,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             workers=given.workers,
         )
         if given.json is not None:
-            write_text(given.json, json.dumps(checkup.to_dict(), indent=1))
+            write_text(behind_links(given.json), json.dumps(checkup.to_dict(), indent=1))
     except CospeechError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

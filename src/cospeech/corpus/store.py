@@ -44,7 +44,7 @@ from cospeech.corpus.packing import EVALUATION_FPS
 from cospeech.corpus.recording_table import RecordingTable
 from cospeech.corpus.splits import Span
 from cospeech.errors import ConfigError, InputFileError
-from cospeech.foreign import parse_json, understood
+from cospeech.foreign import open_file, parse_json, understood
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
@@ -260,7 +260,7 @@ class Store:
         """Whatever else is known of a recording."""
         path, what = self.path / "annotations.jsonl", "annotations of a store"
         with understood(path, what, rebuild(self.path)):
-            with path.open("rb") as file:
+            with open_file(path) as file:
                 file.seek(self._annotation_offsets[recording])
                 line = file.readline().decode("utf-8")
             values: dict[str, Any] = dict(parse_json(path, line, what, rebuild(self.path)))
@@ -269,7 +269,7 @@ class Store:
     @cached_property
     def _annotation_offsets(self) -> list[int]:
         offsets, offset = [], 0
-        with (self.path / "annotations.jsonl").open("rb") as file:
+        with open_file(self.path / "annotations.jsonl") as file:
             for line in file:
                 offsets.append(offset)
                 offset += len(line)

@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from cospeech.experiment import folders as folders  # registers the resolver of run folders
+from cospeech.terminal import stop_in_order
 
 if TYPE_CHECKING:
     from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
@@ -46,4 +47,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _ROOMS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
+    found = getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
+    stop_in_order()  # from here on there is something to keep
+    return found

@@ -24,6 +24,7 @@ _NEXT_STEP = {
 }
 _OF_WRITING = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 _OF_A_PLACE = (*_OF_WRITING, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
+_OF_NO_FOLDER = (errno.ENOTDIR, errno.EEXIST)
 _OUT_OF_MEMORY = ("can't allocate memory", "CUDA out of memory", "not enough memory")
 
 
@@ -67,6 +68,10 @@ def _of_system(error: BaseException, cfg: DictConfig | None) -> CospeechError | 
     if isinstance(error, OSError):
         if isinstance(error, HydraException):  # a missing yaml is both
             return None
+        if error.errno in _OF_NO_FOLDER and (file := _file_on_the_way(error)) is not None:
+            place = _setting_of(_path(error), cfg)
+            elsewhere = None if place is None else f"give another folder: {place}=DIR"
+            return CospeechError(f"{file} is a file, not a folder", elsewhere)
         what = error.strerror or text or type(error).__name__
         where = str(error.filename) if error.filename is not None else _outputs(cfg)
         return CospeechError(f"{where}: {what}", _next_step(error, cfg))
@@ -94,9 +99,29 @@ def _place(error: OSError, cfg: DictConfig | None) -> str | None:
     """The setting that says where what can't be written goes; None for anything else."""
     if cfg is None or not isinstance(error.filename, str | bytes):
         return "outputs_dir" if error.errno in _OF_WRITING else None
-    path = Path(os.fsdecode(error.filename)).absolute()
+    path = _path(error)
     if error.errno not in _OF_WRITING and os.access(path, os.F_OK):
         return None  # it is there, perhaps to be read
+    return _setting_of(path, cfg)
+
+
+def _path(error: OSError) -> Path:
+    return Path(os.fsdecode(error.filename)).absolute()
+
+
+def _file_on_the_way(error: OSError) -> Path | None:
+    """The file that lies where an error's path needs a folder."""
+    if not isinstance(error.filename, str | bytes):
+        return None
+    path = _path(error)
+    on_the_way = (one for one in (path, *path.parents) if one.exists())
+    return next((one for one in on_the_way if not one.is_dir()), None)
+
+
+def _setting_of(path: Path, cfg: DictConfig | None) -> str | None:
+    """The setting below whose folder a path lies."""
+    if cfg is None:
+        return None
     for name in ("outputs_dir", "data.store_dir"):
         folder = OmegaConf.select(cfg, name)
         if folder is not None and path.is_relative_to(Path(folder).absolute()):

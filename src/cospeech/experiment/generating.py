@@ -38,7 +38,8 @@ def generate(cfg: DictConfig) -> Motion:
     Raises:
         ConfigError: ``run`` or ``audio`` isn't given, the run or its checkpoint is none that may
             speak (`open_run`), or the method makes no motion.
-        CospeechError: A file that can't be read or written, or what the method refuses.
+        CospeechError: A file that can't be read or written, what the method refuses, or motion
+            with NaN, of which nothing is written.
     """
     for key, example in (("run", "run=outputs/runs/ID"), ("audio", "audio=speech.wav")):
         if OmegaConf.is_missing(cfg, key):
@@ -70,6 +71,13 @@ def generate(cfg: DictConfig) -> Motion:
             raise
         raise ConfigError(f"{cfg.controls}: {error.problem}", error.hint) from None
     seconds = time.perf_counter() - started
+    if (frame := motion.first_bad_frame()) is not None:
+        other = "last" if cfg.checkpoint == "best" else "best"
+        raise CospeechError(
+            f"run={cfg.run}: the motion holds NaN or infinity from frame {frame} on: the weights of"
+            f" checkpoint={cfg.checkpoint} are damaged, or the training diverged",
+            f"take another checkpoint (checkpoint={other}), or another run",
+        )
     print(_written(motion, speech, Path(cfg.run_dir), Path(cfg.audio).stem, seconds))
     return motion
 

@@ -18,6 +18,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import open_file
 
 MAX_VALUE_BYTES = 2**31
 
@@ -61,7 +62,7 @@ class ValuePlaces:
         if key not in self.places:
             raise InputFileError(self.path, f"has no key {key!r}, only {len(self.places)} others")
         offset, length = self.places[key]
-        with self.path.open("rb", buffering=0) as file:
+        with open_file(self.path).detach() as file:
             return _read(file, self.path, offset, length)
 
 
@@ -98,7 +99,7 @@ def find_values(path: str | Path) -> ValuePlaces:
 
 @lru_cache(maxsize=8)
 def _find_values(path: Path, size: int, _modified: int, _inode: int) -> ValuePlaces:
-    with path.open("rb", buffering=0) as file:
+    with open_file(path).detach() as file:
         return ValuePlaces(path, _Tree(file, path, size).places())
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
-from cospeech.foreign import read_json, understood
+from cospeech.foreign import open_file, read_json, require_no_pipe, understood
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
 from cospeech.speech.feature_sets.sphinx import sphinx_features
 
@@ -288,6 +288,7 @@ def check_database(folder: Path | str) -> None:
 def _open_array(folder: Path, name: str, facts: dict[str, Any]) -> NDArray[Any]:
     path = folder / f"{name}.npy"
     with understood(path, "an array of a matching database", _REBUILD):
+        require_no_pipe(path)
         values: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
         if list(values.shape) != facts["shape"] or values.dtype.name != facts["dtype"]:
             found = f"{values.dtype.name} {list(values.shape)}"
@@ -307,7 +308,7 @@ def content_hash(folder: Path, manifest: dict[str, Any]) -> str:
     told = {name: value for name, value in manifest.items() if name not in _HASHES}
     digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
     for name in ARRAYS:
-        with (folder / f"{name}.npy").open("rb") as file:
+        with open_file(folder / f"{name}.npy") as file:
             while block := file.read(2**20):
                 digest.update(block)
     return digest.hexdigest()

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
-from cospeech.foreign import require_no_pipe, understood
+from cospeech.foreign import open_file, understood
 from cospeech.motion.bvh_hierarchy import Hierarchy
 
 MAX_FILE_BYTES = 2**30
@@ -83,11 +83,10 @@ def opened(source: str | Path | TextIO) -> Iterator[BvhText]:
     """
     if isinstance(source, str | Path):
         path = Path(source)
-        with understood(path, "a BVH file", "check the path"):
-            require_no_pipe(path, "check the path")
-            with path.open("rb") as file:
-                _refuse_large(path, os.fstat(file.fileno()).st_size)
-                yield BvhText(path, file)
+        hint = "check the path"
+        with understood(path, "a BVH file", hint), open_file(path, hint) as file:
+            _refuse_large(path, os.fstat(file.fileno()).st_size)
+            yield BvhText(path, file)
         return
     path = Path(str(getattr(source, "name", "<text stream>")))
     with understood(path, "a BVH file"):

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from cospeech.errors import InputFileError
 from cospeech.files import replacing
-from cospeech.foreign import understood
+from cospeech.foreign import open_file, read_bytes, understood
 from cospeech.nn.pickle_opcodes import Claim, Walk
 
 LARGEST_FILE_BYTES = 256 * 2**20
@@ -119,7 +119,7 @@ def read_weights(
             raise InputFileError(path, f"{size / 2**20:.0f} MiB is too large", hint=hint)
         zipped = _is_zip(path)
         # Bytes, as reading from a file takes memory for as much as is asked for.
-        file = path if zipped else io.BytesIO(path.read_bytes())
+        file = path if zipped else io.BytesIO(read_bytes(path, kind, largest_bytes))
         classes: list[Any] = list(allowed)
         names = {f"{one.__module__}.{one.__qualname__}" for one in allowed}
         unknown = sorted(_names_in(file) - _KNOWN - names)
@@ -190,7 +190,7 @@ def filled(make: Callable[[], Network], state: Mapping[str, Tensor]) -> Network:
 
 
 def _is_zip(path: Path) -> bool:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         return file.read(4) == b"PK\x03\x04"
 
 

@@ -7,10 +7,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cospeech.terminal import exit_status, stop_at_once
+
+if __name__ == "__main__":
+    stop_at_once()
+
 from cospeech.errors import CospeechError
+from cospeech.files import behind_links
 from cospeech.reporting.collect import collect
 from cospeech.reporting.report import text_report, write_report
-from cospeech.terminal import exit_status
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,7 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         collection = collect(given.folder)
         print(text_report(collection, "markdown" if given.markdown else "text"))
-        page = write_report(collection, given.output or given.folder / "report.html")
+        target = behind_links(given.output) if given.output else given.folder / "report.html"
+        page = write_report(collection, target)
     except CospeechError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

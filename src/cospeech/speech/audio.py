@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from cospeech.errors import InputFileError
 from cospeech.files import replacing
 from cospeech.foreign import understood
-from cospeech.speech.audio_streams import READABLE, UNKNOWN_FRAMES, open_sound
+from cospeech.speech.audio_streams import (
+    READABLE,
+    UNKNOWN_FRAMES,
+    libsndfile_name,
+    open_sound,
+)
 from cospeech.speech.speech import SAMPLE_RATE
 
 MAX_DURATION_S = 4 * 3600.0
@@ -108,7 +113,7 @@ def audio_seconds(path: str | Path) -> float:
     with understood(path, "audio", hint="check the file, or convert it to wav"):
         _check_is_file(Path(path))  # a pipe would never end
     try:
-        header = soundfile.info(str(path))
+        header = soundfile.info(libsndfile_name(Path(path)))
         if 0 < header.frames < UNKNOWN_FRAMES and header.samplerate in _RATES_HZ:
             return float(header.frames / header.samplerate)
     except (soundfile.SoundFileError, OSError, TypeError):

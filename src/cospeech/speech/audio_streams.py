@@ -22,6 +22,7 @@ import soundfile
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import open_file
 from cospeech.speech.speech import SAMPLE_RATE
 
 READABLE = "wav, flac, ogg or mp3"
@@ -81,6 +82,11 @@ class SoundStream:
     blocks: Iterator[NDArray[np.float32]]
 
 
+def libsndfile_name(path: Path) -> str | bytes:
+    """A file's name as `soundfile` takes it: it can't encode one that is not UTF-8."""
+    return os.fsencode(path) if os.name == "posix" else str(path)
+
+
 @contextmanager
 def open_sound(path: Path) -> Iterator[SoundStream]:
     """The sound of a file.
@@ -132,7 +138,7 @@ def _opened(path: Path) -> _Forward:
     """
     mended = _with_data_size(path)
     try:
-        file = _Forward(path)
+        file = _Forward(libsndfile_name(path))
         if file.format == "MP3" and not _starts_as_mp3(path) and find_ffmpeg() is not None:
             file.close()
             raise TypeError("not MP3 from its start")  # libsndfile finds some in any bytes
@@ -146,7 +152,7 @@ def _opened(path: Path) -> _Forward:
 
 
 def _starts_as_mp3(path: Path) -> bool:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         head = file.read(3)
     is_layer = len(head) > 1 and head[0] == 0xFF and head[1] & 0xE0 == 0xE0 and head[1] & 0x06 != 0
     return head == b"ID3" or is_layer
@@ -183,7 +189,7 @@ def _with_data_size(path: Path) -> io.RawIOBase | None:
 
     RF64 is read as RIFF then: the sizes in its own chunk are as unknown.
     """
-    with path.open("rb") as file:
+    with open_file(path) as file:
         head = file.read(1 << 16)
     place, is_long = 12, head[:4] == b"RF64"
     is_wav = (is_long or head[:4] == b"RIFF") and head[8:12] == b"WAVE"
@@ -200,7 +206,7 @@ class _Patched(io.FileIO):
     """A file some of whose bytes are others: a size of 0xFFFFFFFF is until the end."""
 
     def __init__(self, path: Path, patches: dict[int, bytes]) -> None:
-        super().__init__(path)
+        super().__init__(path)  # a regular file: its header has been read
         self._patches = patches
 
     def readinto(self, buffer: Any, /) -> int:
@@ -287,7 +293,7 @@ def _undecoded(
 
 
 def _is_container(path: Path) -> bool:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         head = file.read(12)
     return (
         head[4:8] == b"ftyp"  # MP4 family
@@ -300,8 +306,9 @@ def _unknown_format(path: Path, error: Exception) -> InputFileError:
     if path.name.lower().endswith(PACKED_SUFFIXES):
         return InputFileError(path, f"is packed ({path.suffix})", hint="unpack it in its folder")
     if not _is_container(path):
-        reason = f"can't be read as audio ({str(error).rstrip('.')})"
-        return InputFileError(path, reason, hint=_conversion(path))
+        reason = str(getattr(error, "error_string", error)).rstrip(".")
+        problem = f"can't be read as audio ({reason})"
+        return InputFileError(path, problem, hint=_conversion(path))
     kind = path.suffix or "MP4 or Matroska"
     return InputFileError(
         path,

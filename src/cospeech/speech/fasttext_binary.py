@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import open_file
 
 MAGIC = 793_712_314
 
@@ -71,7 +72,7 @@ class FastTextModel:
         Raises:
             InputFileError: Not such a file, quantised, or damaged.
         """
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        with open_file(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             return _Reader(path, data).model(wanted)
 
     def vector(self, word: str) -> NDArray[np.float32] | None:

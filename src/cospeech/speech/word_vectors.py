@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
-from cospeech.foreign import understood
+from cospeech.foreign import open_file, understood
 from cospeech.progress import progress_bar
 from cospeech.speech.fasttext_binary import MAGIC, FastTextModel
 from cospeech.speech.vocabulary import SPECIAL_TOKENS
@@ -86,7 +86,7 @@ def find_word_vectors(
             "no such word vectors",
             hint="download crawl-300d-2M-subword from fasttext.cc and unzip it",
         )
-    with understood(path, "fastText vectors"), path.open("rb") as file:
+    with understood(path, "fastText vectors"), open_file(path) as file:
         head = file.read(4)
     if head in _ARCHIVES:
         raise InputFileError(path, "is compressed", hint=f"{_ARCHIVES[head]} {path.name}")
@@ -114,7 +114,7 @@ def _from_binary(path: Path, words: Sequence[str]) -> tuple[int, dict[str, NDArr
 def _from_text(path: Path, words: Sequence[str]) -> tuple[int, dict[str, NDArray[np.float32]]]:
     keys = {word.encode(): word for word in words}
     found: dict[str, NDArray[np.float32]] = {}
-    with path.open("rb", buffering=1 << 20) as file:
+    with open_file(path) as file:
         total, dimensions = _text_header(path, file.readline(_MAX_LINE_BYTES))
         number = 1
         lines = iter(partial(file.readline, _MAX_LINE_BYTES if keys else 0), b"")

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from cospeech.errors import InputFileError
 from cospeech.foreign import require_no_pipe
 from cospeech.formats.berkeley.layout import parse_time, video_stem
+from cospeech.speech.audio_streams import libsndfile_name
 from cospeech.speech.speech import SAMPLE_RATE
 
 SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")
@@ -89,14 +90,15 @@ def read_audio(audio: AudioFile, start: float, duration: float) -> tuple[NDArray
     begin = max(0.0, start - audio.start - _MARGIN_S)
     require_no_pipe(audio.path)
     try:
-        with soundfile.SoundFile(audio.path) as file:
+        with soundfile.SoundFile(libsndfile_name(audio.path)) as file:
             rate = file.samplerate
             first = min(round(begin * rate), file.frames)
             file.seek(first)
             last = round((start - audio.start + duration + _MARGIN_S) * rate)
             mono = _resampled(file, max(0, last - first))
     except (soundfile.SoundFileError, RuntimeError, OSError, TypeError) as error:
-        raise InputFileError(audio.path, f"can't be read as audio ({error})") from error
+        reason = getattr(error, "error_string", error)
+        raise InputFileError(audio.path, f"can't be read as audio ({reason})") from error
     if not np.isfinite(mono).all() or np.abs(mono).max(initial=0.0) > _LOUDEST:
         raise InputFileError(
             audio.path, "holds NaN, or floats beyond 8", f"at {start - audio.start:.1f} s"

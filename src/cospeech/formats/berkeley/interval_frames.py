@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import open_file
 from cospeech.formats.berkeley.keypoints import (
     COUNT,
     MAX_FILE_BYTES,
@@ -227,7 +228,7 @@ def _read_any(folder: Path, path: str, suffix: str, most: int) -> bytes:
     # Opening, not asking first: there are millions of these files.
     for name in spellings(path, suffix):
         try:
-            with open(f"{folder}/{name}", "rb", buffering=0) as file:  # noqa: PTH123
+            with open_file(f"{folder}/{name}") as file:
                 return file.read(most)
         except (FileNotFoundError, NotADirectoryError):
             continue

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Dropped, Source, existing_folder
 from cospeech.errors import CospeechError, InputFileError
+from cospeech.foreign import open_file
 from cospeech.formats.berkeley import LICENCE, SPLITS
 from cospeech.formats.berkeley.audio import find_audio, read_audio
 from cospeech.formats.berkeley.interval_frames import (
@@ -277,7 +278,9 @@ def _links(root: Path) -> dict[tuple[str, str], str]:
     if path is None:
         return {}
     # The link is the last of the three columns, whatever it is called.
-    header = path.open(encoding="utf-8-sig", errors="replace").readline(2**16).strip().split(",")
+    with open_file(path) as file:
+        first = file.readline(2**16).decode("utf-8-sig", "replace")
+    header = first.strip().split(",")
     rows = read_small_table(path, ("speaker", "video_fn", header[-1].strip('" ')))
     return {(speaker, video): link for speaker, video, link in rows}
 

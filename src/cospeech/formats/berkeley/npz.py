@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
+from cospeech.foreign import open_file
 
 MAX_MEMBERS = 64
 MAX_HEADER_BYTES = 10_000
@@ -252,7 +253,7 @@ class _BoundedReader(io.BufferedReader):
     """A file from which no claim in it makes anyone read more than a few megabytes at once."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(io.FileIO(path))
+        super().__init__(open_file(path).detach())
         self._size = path.stat().st_size
         self.largest_read = _LARGEST_DIRECTORY
 

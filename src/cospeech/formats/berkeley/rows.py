@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.foreign import read_bytes, require_no_pipe, understood
+from cospeech.foreign import open_file, read_bytes, understood
 
 MAX_LINE_BYTES = 2**16
 MAX_ROW_LINES = 16
@@ -63,7 +63,7 @@ class RowIndex:
                 " hour without a cut"
             )
         pieces = []
-        with self.path.open("rb") as file:
+        with open_file(self.path) as file:
             for start, stop in zip(runs[::2], runs[1::2], strict=True):
                 file.seek(start)
                 pieces.append(file.read(stop - start))
@@ -89,7 +89,6 @@ def index_rows(path: Path, required: Sequence[str]) -> RowIndex:
         InputFileError: It can't be read, lacks a column, or isn't a table of intervals.
     """
     with understood(path, "a table of intervals"):
-        require_no_pipe(path)
         state = path.stat()
         return _indexed(path, tuple(required), state.st_mtime_ns, state.st_size)
 
@@ -97,7 +96,7 @@ def index_rows(path: Path, required: Sequence[str]) -> RowIndex:
 # Two: the table of frames and that of samples.
 @functools.lru_cache(maxsize=2)
 def _indexed(path: Path, required: tuple[str, ...], modified: int, size: int) -> RowIndex:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         header = _text(file.readline(MAX_LINE_BYTES)).lstrip("\ufeff")
         names = next(csv.reader([header]), [])
         columns = {name.strip() or f"column {i}": i for i, name in enumerate(names)}

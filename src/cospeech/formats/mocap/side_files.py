@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from cospeech.corpus.recording import Remark
 from cospeech.errors import CospeechError
-from cospeech.foreign import understood
+from cospeech.foreign import read_bytes, understood
 from cospeech.formats.mocap.takes import Take
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript import Transcript, read_transcript_with_timing
@@ -64,9 +64,9 @@ def spoken(
 
 def _is_blank(path: Path) -> bool:
     try:
-        return path.stat().st_size < 1024 and not path.read_bytes().strip(b" \t\r\n\xef\xbb\xbf")
-    except OSError:
-        return False  # its reader says why
+        return not read_bytes(path, "a transcript", 1024).strip(b" \t\r\n\xef\xbb\xbf")
+    except CospeechError:
+        return False  # it is longer, or its reader says why it can't be read
 
 
 def _words(take: Take, path: Path, *, audio_s: float, remarks: list[Remark]) -> Transcript:

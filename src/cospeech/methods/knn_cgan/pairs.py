@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.files import write_json
-from cospeech.foreign import read_json, understood
+from cospeech.foreign import read_json, require_no_pipe, understood
 
 _ARRAYS = ("windows", "ks", "pointers")
 _WHAT = "pairs of windows and matches"
@@ -140,10 +140,10 @@ def open_pairs(folder: Path, made_by: dict[str, Any], settings: PairSettings) ->
     with understood(folder, _WHAT, _REBUILD):
         if not isinstance(manifest, dict) or manifest.get("made_by") != made_by:
             raise InputFileError(path, "made by something else", hint=_REBUILD)
-        arrays = {
-            name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
-            for name in _ARRAYS
-        }
+        arrays = {}
+        for name in _ARRAYS:
+            require_no_pipe(folder / f"{name}.npy")
+            arrays[name] = np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
         told = {name: value for name, value in manifest.items() if name != "hash"}
         if _content_hash(told, arrays) != manifest.get("hash"):
             problem = "damaged: its content isn't what was written"
