@@ -170,3 +170,39 @@ def test_what_whisper_prints(tmp_path):
         "[00:02.600 --> 00:03.500]  and stops\n"
     )
     assert times(read(tmp_path, content, "a.txt", 4.0).words) == ROLLED
+
+
+@pytest.mark.parametrize("suffix", ["srt", "vtt"])
+@pytest.mark.parametrize("tag", ["u", 'font color="#00ff00"'])
+def test_words_that_captions_mark_one_after_another_have_those_times(tmp_path, suffix, tag):
+    def marked(start, end, before, word, after):
+        return start, end, f"{before}<{tag}>{word}</{tag.split()[0]}>{after}"
+
+    content = srt(
+        marked(0.4, 0.62, "", "so", " the\nbig so"),
+        marked(0.62, 0.75, "so ", "the", "\nbig so"),
+        (0.75, 0.9, "so the\nbig so"),
+        marked(0.9, 1.1, "so the\n", "big", " so"),
+        (1.1, 1.2, "so the\nbig so"),  # its last word is never marked
+        marked(1.2, 2.2, "", "big", " so"),  # as the line before ends
+        marked(2.2, 2.4, "big ", "so", ""),
+        marked(2.4, 2.6, "", "big", " so"),  # said again
+        marked(2.6, 2.8, "big ", "so", ""),
+    )
+    transcript = read(tmp_path, "WEBVTT\n\n" * (suffix == "vtt") + content, f"a.{suffix}")
+    words = times(transcript.words)
+    assert words[:3] == [("so", 0.4, 0.62), ("the", 0.62, 0.75), ("big", 0.9, 1.1)]
+    assert words[3][0] == "so"
+    assert words[4:] == [
+        ("big", 1.2, 2.2),
+        ("so", 2.2, 2.4),
+        ("big", 2.4, 2.6),
+        ("so", 2.6, 2.8),
+    ]
+    assert transcript.timing == "words"
+    assert transcript.notes == ("1 of 8 words lacks a time: placed by neighbours",)
+
+
+def test_a_line_that_is_marked_alike_twice_is_said_twice(tmp_path):
+    said = [(0.0, 1.0, "<i>never</i> mind"), (1.0, 2.0, "<i>never</i> mind")]
+    assert len(read(tmp_path, srt(*said), "a.srt").words) == 4
