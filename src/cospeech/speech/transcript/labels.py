@@ -22,8 +22,19 @@ _TIME = re.compile(
     r"(?m)^\W{0,3}\d{1,3}:[0-5]\d(?!\d)"  # 00:12 at the start of a line
     r"|(?<![\d.:])(?:\d{1,3}:[0-5]\d[.,:]|\d{1,5}\.)\d{1,6}(?:[.,]\d{1,6})?(?![\d:])"
 )
+_UNMISTAKABLE = re.compile(
+    r"(?m)(?<![\d:.])\d{1,2}:[0-5]\d:[0-5]\d[:;]\d{2}(?![\d:])"  # 00:00:01:12, with a frame
+    r"|^\s{0,9}[\[(<]\d{1,3}:[0-5]\d[.,:]\d{1,6}[\])>]"  # [00:01.20] at the start of a line
+    r"|(?:^|\s)\d{1,5}\.\d{1,6}\s{1,9}\d{1,5}\.\d{1,6}\s"  # 0.40 2.60 next to each other
+    r"|^[^\s:.]{1,40}(?: [^\s:.]{1,40}){0,2}[ \t]{1,9}[\[(]?0{1,2}:[0-5]\d[\])]?\s*$"  # Ann  0:05
+)
+_AT_AN_END = re.compile(
+    r"(?m)^\W{0,3}((?:\d{1,2}:)?\d{1,3}:[0-5]\d)\b"
+    r"|\s\W{0,2}((?:\d{1,2}:)?\d{1,3}:[0-5]\d)\W{0,3}$"
+)
 _ARROW = re.compile(r"-{1,2}>")
 _TAG = re.compile(r"</?[a-zA-Z0-9:][^<>]{0,200}+>")
+_FEWEST_CLOCKS, _MOST_CLOCKS = 3, 0.2  # at ends of lines, and their share of the lines
 _UNKNOWN = frozenset({"<unk>", "<UNK>"})
 _IN_BRACKETS = re.compile(r"\[[^\[\]]*+\]|\{[^{}]*+\}")
 
@@ -72,6 +83,28 @@ def without_clocks(text: str) -> tuple[str, int]:
 def times_within(text: str) -> list[str]:
     """Clock times and decimal fractions anywhere in a text."""
     return [found.group().strip("[(\n \t") for found in _TIME.finditer(text)]
+
+
+def times_of_a_list(text: str) -> list[str]:
+    """Times that no prose has: with frames, in brackets before lines, two next to each other.
+
+    So have clock times at an end of most lines that never go back.
+    """
+    found = [time.group().strip("[(\n \t") for time in _UNMISTAKABLE.finditer(text)]
+    if found:
+        return found
+    clocks = [one or other for one, other in _AT_AN_END.findall(text)]
+    lines = sum(bool(line.strip()) for line in text.splitlines())
+    seconds = [_seconds(clock) for clock in clocks]
+    is_list = len(clocks) >= _FEWEST_CLOCKS and len(clocks) > _MOST_CLOCKS * lines
+    return clocks if is_list and seconds == sorted(seconds) else []
+
+
+def _seconds(clock: str) -> int:
+    total = 0
+    for part in clock.split(":"):
+        total = 60 * total + int(part)
+    return total
 
 
 def without_markup(text: str) -> tuple[str, int]:
