@@ -100,7 +100,7 @@ def test_any_table_is_read_or_refused(tmp_path_factory, rows, separator, suffix,
         transcript = read_transcript_with_timing(path, duration_s)
     except CospeechError:
         return
-    assert transcript.words
+    assert transcript.words or not path.read_text().strip()
     assert all(word.end >= word.start and word.text.strip() for word in transcript.words)
     starts = [word.start for word in transcript.words]
     assert starts == sorted(starts)

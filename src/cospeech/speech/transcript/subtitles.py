@@ -35,9 +35,9 @@ def is_cue_times(line: str) -> bool:
 
 
 def parse_subtitles(path: Path, text: str) -> Entries:
-    """Cues as phrases, or the words of cues that hold ``<00:00:01.000>`` between them or that
-    are repeated word by word, the one that is said underlined.
+    """Cues as phrases, or the words of cues that hold ``<00:00:01.000>`` between them.
 
+    Cues that repeat a line for each of its words, marking that, give those words their times.
     Lines that captions carry over from the cue before (they roll) are left out. So are the cues'
     numbers, notes and styles.
 
