@@ -306,3 +306,19 @@ def test_prose_with_numbers_is_prose(tmp_path, content):
 def test_prose_may_name_times(tmp_path, content):
     transcript = read(tmp_path, content, "a.txt", 6.0)
     assert [word.text for word in transcript.words] == content.split()
+
+
+@pytest.mark.parametrize("scale", [10, 25])
+def test_whole_numbers_of_slow_words_are_refused_however_long_the_sound(tmp_path, scale):
+    with pytest.raises(InputFileError, match="frame numbers or tenths of a second") as caught:
+        read(tmp_path, rows(scale), duration_s=3000.0)
+    assert "frames: divide by the frame rate; tenths: divide by 10" in str(caught.value)
+
+
+def test_slow_words_are_noted(tmp_path):
+    slow = read(tmp_path, rows(10, whole=False), duration_s=3000.0)
+    assert slow.words[0] == Word("so", 4.0, 6.2)
+    assert slow.notes == ("half of the words last over 3.85 s: are its times seconds?",)
+    assert read(tmp_path, rows(3, whole=False), duration_s=3000.0).notes == ()
+    phrases = "0 2 so the big\n2 4 wheel turns\n4 6 slowly\n6 9 and stops there\n"
+    assert read(tmp_path, phrases, duration_s=9.0).notes == ()
