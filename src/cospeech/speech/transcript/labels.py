@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from collections import Counter
 from collections.abc import Iterable
 
 SILENCE_LABELS = frozenset(
@@ -28,6 +29,10 @@ _UNMISTAKABLE = re.compile(
     r"|(?:^|\s)\d{1,5}\.\d{1,6}\s{1,9}\d{1,5}\.\d{1,6}\s"  # 0.40 2.60 next to each other
     r"|^[^\s:.]{1,40}(?: [^\s:.]{1,40}){0,2}[ \t]{1,9}[\[(]?0{1,2}:[0-5]\d[\])]?\s*$"  # Ann  0:05
 )
+_SPEAKER = re.compile(
+    r"(?m)^[-\u2013\u2014 \t]{0,3}([^\s:]{1,30}(?: [^\s:]{1,30}){0,3}):[ \t]{1,9}(?=\S)"
+)
+_SPEAKERS_SHARE = 0.2  # of the lines say who speaks
 _AT_AN_END = re.compile(
     r"(?m)^\W{0,3}((?:\d{1,2}:)?\d{1,3}:[0-5]\d)\b"
     r"|\s\W{0,2}((?:\d{1,2}:)?\d{1,3}:[0-5]\d)\W{0,3}$"
@@ -124,6 +129,31 @@ def without_markup(text: str) -> tuple[str, int]:
         text, brackets = _IN_BRACKETS.subn(" ", text)
         count += brackets
     return text.strip(), count
+
+
+def speakers_of(texts: Iterable[str]) -> frozenset[str]:
+    """Names of speakers before what they say: ``Anna Berg: ...``, several times.
+
+    A name said once counts only where most lines have one.
+    """
+    counts: Counter[str] = Counter()
+    lines = 0
+    for text in texts:
+        counts.update(filter(_is_name, _SPEAKER.findall(text)))
+        lines += text.count("\n") + 1
+    fewest = 1 if 2 * counts.total() > lines else 2
+    if not counts or max(counts.values()) < 2 or counts.total() <= _SPEAKERS_SHARE * lines:
+        return frozenset()
+    return frozenset(name for name, count in counts.items() if count >= fewest)
+
+
+def without_speakers(text: str, names: frozenset[str]) -> str:
+    """A text without those names, and their colons, at the starts of its lines."""
+    return _SPEAKER.sub(lambda found: "" if found[1] in names else found[0], text)
+
+
+def _is_name(text: str) -> bool:
+    return text[0].isupper() and all(part[0].isupper() or part.isdigit() for part in text.split())
 
 
 def are_phones(labels: Iterable[str]) -> bool:

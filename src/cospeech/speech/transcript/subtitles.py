@@ -22,6 +22,7 @@ _SBV_TIMES = re.compile(rf"(?m)^({_CUE_CLOCK}),({_CUE_CLOCK})[ \t]{{0,9}}$")  # 
 _INLINE_TIME = re.compile(rf"<{CLOCK}>")
 
 _SHORTEST_CUE_S = 0.1
+_LONGEST_PAUSE_S = 2.0
 _ROLLING_SHARE = 0.5
 _FEWEST_OVERLAPS = 2
 _FEWEST_TOKENS = 3
@@ -116,7 +117,9 @@ def _new_lines(cues: Sequence[Cue]) -> tuple[list[Cue], int]:
         before.append([plain for line in cue.lines if (plain := _plain(line))])
     overlaps = [_overlap(one, two) for one, two in pairwise(before)]
     for index, (cue, after) in enumerate(pairwise(cues), start=1):
-        if after.words or not _follows(cue, after):
+        if after.words or not _follows(
+            cue, after, _grows(overlaps[index], *before[index : index + 2])
+        ):
             overlaps[index] = 0
     count = sum(
         overlaps[index] > 0 and not _may_be_said_again(cue, after, *before[index : index + 2])
@@ -169,9 +172,14 @@ def _overlap(before: Sequence[str], lines: Sequence[str]) -> int:
     return 0
 
 
-def _follows(before: Cue, cue: Cue) -> bool:
-    """Whether there is no pause between two cues: only then are lines carried over."""
-    return cue.start - before.end < _SHORTEST_CUE_S
+def _follows(before: Cue, cue: Cue, grows: bool) -> bool:
+    """Whether there is no pause between two cues, or a short one after which the text grew."""
+    return cue.start - before.end < (_LONGEST_PAUSE_S if grows else _SHORTEST_CUE_S)
+
+
+def _grows(overlap: int, lines: Sequence[str], new_lines: Sequence[str]) -> bool:
+    """Whether a cue begins with lines of the one before and goes on: that is rarely speech."""
+    return overlap > 0 and _tokens(new_lines) > _tokens(lines[len(lines) - overlap :])
 
 
 def _may_be_said_again(
@@ -210,7 +218,7 @@ def _without_tokens(lines: Sequence[str], carried: int) -> list[str]:
 def _cue_entries(cue: Cue) -> list[Entry]:
     if cue.words:
         return list(cue.words)
-    text = " ".join(cue.lines)
+    text = "\n".join(cue.lines)
     times = list(_INLINE_TIME.finditer(text))
     if not times:
         return [Entry(text, cue.start, cue.end, cue.place, is_phrase=True)]
