@@ -95,7 +95,7 @@ def times_of_a_list(text: str) -> list[str]:
 
     So have clock times at an end of most lines that never go back.
     """
-    found = [time.group().strip("[(\n \t") for time in _UNMISTAKABLE.finditer(text)]
+    found = [time.group().strip("[](<>)\n \t") for time in _UNMISTAKABLE.finditer(text)]
     if found:
         return found
     clocks = [one or other for one, other in _AT_AN_END.findall(text)]
