@@ -425,6 +425,10 @@ def test_words_before_their_segments_are_refused_and_loose_ones_left(tmp_path):
     path.write_text(json.dumps(segments_of((1.6, 2.0, [("so", 1.2, 1.7), ("on", 1.8, 2.5)]))))
     transcript = read_transcript_with_timing(path, 3.0)
     assert [word.start for word in transcript.words] == [1.2, 1.8]
-    assert transcript.notes == ()
+    assert transcript.notes == ("words reach up to 0.5 s out of their segments",)
+    path.write_text(json.dumps(segments_of((1.0, 2.9, [("so", 0.5, 1.7), ("on", 1.7, 2.0)]))))
+    transcript = read_transcript_with_timing(path, 3.0)
+    assert [word.start for word in transcript.words] == [0.5, 1.7]
+    assert transcript.notes == ("words reach up to 0.5 s out of their segments",)
     path.write_text(json.dumps(segments_of((400, 1500, [("so", 0.4, 0.7), ("on", 0.7, 1.5)]))))
     assert [word.start for word in read_transcript_with_timing(path, 3.0).words] == [0.4, 0.7]

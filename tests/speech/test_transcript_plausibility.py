@@ -300,6 +300,7 @@ def test_prose_with_numbers_is_prose(tmp_path, content):
     [
         "we meet at 10:30\nand leave at 9:15\nor at 11:00",
         "the train of 10:30\nand that of 11:00",
+        "so it is 0:05\nand then I turned",
         "it is 0:05 and 2.5 and 3.75 are numbers",
     ],
 )

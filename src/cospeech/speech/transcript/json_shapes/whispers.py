@@ -20,8 +20,9 @@ from cospeech.speech.transcript.json_shapes.items import (
 from cospeech.speech.transcript.labels import is_spoken
 from cospeech.speech.transcript.spreading import lay_out
 
-_FITS_S, _OFF_S = 0.1, 0.3  # words reach at most, or at least, that far out of a segment
-_OTHER_UNIT = 100.0  # segments that much longer than their words are in another unit
+_FITS_S, _OFF_S = 0.1, 1.0  # words reach at most, or at least, that far out of a segment
+_LOOSE_S, _LOOSE_SHARE = 0.3, 0.1  # farther, and by more of its length, is told
+_OTHER_UNIT = 100.0  # segments that much longer or shorter than their words have another unit
 _OVERLAP_S = 1.0  # that much may chunks overlap
 _WITHOUT_BLANKS = "\u3040"  # from here on in Unicode: kana, ideographs, syllables
 
@@ -79,7 +80,9 @@ def _in_place(
         known = [time for word in words for time in (word.start, word.end) if time is not None]
         if start is not None and end is not None and known:
             spans.append((start, end, min(known), max(known)))
-    if sum(s[3] - s[2] for s in spans) * _OTHER_UNIT < sum(s[1] - s[0] for s in spans):
+    long = sum(end - start for start, end, _, _ in spans)
+    said = sum(last - first_time for _, _, first_time, last in spans)
+    if not long / _OTHER_UNIT < said < long * _OTHER_UNIT:
         return listed, []
     is_off = any(_misfit(*span) > _OFF_S for span in spans)
     if is_off and all(_misfit(0.0, end - start, *inner) <= _FITS_S for start, end, *inner in spans):
@@ -88,7 +91,7 @@ def _in_place(
             for (start, _), words in zip(times, listed, strict=True)
         ]
         return moved, ["its words' times count from their segment's start, which was added"]
-    before = [span for span in spans if span[3] <= span[0] - _OFF_S]
+    before = [span for span in spans if span[3] <= span[0] - _LOOSE_S]
     if 2 * len(before) > len(spans):
         start, _, _, last = before[0]
         raise InputFileError(
@@ -97,7 +100,12 @@ def _in_place(
             f" {last:g}",
             hint="give words' times from the start of the recording",
         )
-    return listed, []
+    loose = [
+        off
+        for span in spans
+        if (off := _misfit(*span)) > max(_LOOSE_S, _LOOSE_SHARE * (span[1] - span[0]))
+    ]
+    return listed, [f"words reach up to {max(loose):.3g} s out of their segments"] if loose else []
 
 
 def _misfit(start: float, end: float, first_time: float, last_time: float) -> float:
