@@ -259,3 +259,8 @@ def test_captions_that_grow_or_roll_after_pauses_are_read_once(tmp_path, cues):
 def test_what_is_said_again_after_a_long_pause_stays(tmp_path):
     said = [(0.0, 1.0, "so"), (4.0, 5.0, "so it"), (8.0, 9.0, "so it does")]
     assert len(read(tmp_path, srt(*said), "a.srt", 9.0).words) == 6
+
+
+def test_a_single_line_with_a_colon_names_no_speaker(tmp_path):
+    words = read(tmp_path, srt((0.0, 1.0, "Remember: it turns")), "a.srt").words
+    assert [word.text for word in words] == ["Remember:", "it", "turns"]

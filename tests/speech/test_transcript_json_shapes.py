@@ -432,3 +432,7 @@ def test_words_before_their_segments_are_refused_and_loose_ones_left(tmp_path):
     assert transcript.notes == ("words reach up to 0.5 s out of their segments",)
     path.write_text(json.dumps(segments_of((400, 1500, [("so", 0.4, 0.7), ("on", 0.7, 1.5)]))))
     assert [word.start for word in read_transcript_with_timing(path, 3.0).words] == [0.4, 0.7]
+    in_ms = [(word, start * 1000, end * 1000) for word, start, end in TURNING]
+    path.write_text(json.dumps(segments_of((0.4, 2.6, in_ms))))
+    (note,) = read_transcript_with_timing(path, 3.0).notes
+    assert note.startswith("its times are milliseconds")
