@@ -170,3 +170,97 @@ def test_what_whisper_prints(tmp_path):
         "[00:02.600 --> 00:03.500]  and stops\n"
     )
     assert times(read(tmp_path, content, "a.txt", 4.0).words) == ROLLED
+
+
+@pytest.mark.parametrize("suffix", ["srt", "vtt"])
+@pytest.mark.parametrize("tag", ["u", 'font color="#00ff00"'])
+def test_words_that_captions_mark_one_after_another_have_those_times(tmp_path, suffix, tag):
+    def marked(start, end, before, word, after):
+        return start, end, f"{before}<{tag}>{word}</{tag.split()[0]}>{after}"
+
+    content = srt(
+        marked(0.4, 0.62, "", "so", " the\nbig so"),
+        marked(0.62, 0.75, "so ", "the", "\nbig so"),
+        (0.75, 0.9, "so the\nbig so"),
+        marked(0.9, 1.1, "so the\n", "big", " so"),
+        (1.1, 1.2, "so the\nbig so"),  # its last word is never marked
+        marked(1.2, 2.2, "", "big", " so"),  # as the line before ends
+        marked(2.2, 2.4, "big ", "so", ""),
+        marked(2.4, 2.6, "", "big", " so"),  # said again
+        marked(2.6, 2.8, "big ", "so", ""),
+    )
+    transcript = read(tmp_path, "WEBVTT\n\n" * (suffix == "vtt") + content, f"a.{suffix}")
+    words = times(transcript.words)
+    assert words[:3] == [("so", 0.4, 0.62), ("the", 0.62, 0.75), ("big", 0.9, 1.1)]
+    assert words[3][0] == "so"
+    assert words[4:] == [
+        ("big", 1.2, 2.2),
+        ("so", 2.2, 2.4),
+        ("big", 2.4, 2.6),
+        ("so", 2.6, 2.8),
+    ]
+    assert transcript.timing == "words"
+    assert transcript.notes == ("1 of 8 words lacks a time: placed by neighbours",)
+
+
+def test_a_line_that_is_marked_alike_twice_is_said_twice(tmp_path):
+    said = [(0.0, 1.0, "<i>never</i> mind"), (1.0, 2.0, "<i>never</i> mind")]
+    assert len(read(tmp_path, srt(*said), "a.srt").words) == 4
+
+
+def test_names_of_speakers_before_what_they_say_are_no_words(tmp_path):
+    said = [
+        (0.4, 1.5, "Anna Berg: so the big"),
+        (1.5, 2.0, "<i>Bob:</i> turns"),
+        (2.0, 3.0, "- Anna Berg: it is 9:30\n- SPEAKER 2: yes: it is"),
+        (3.0, 3.9, "Anna Berg: stops"),
+    ]
+    transcript = read(tmp_path, srt(*said), "a.srt", 4.0)
+    words = ["so", "the", "big", "turns", "it", "is", "9:30", "yes:", "it", "is", "stops"]
+    assert [word.text for word in transcript.words] == words
+    assert transcript.notes[0] == "names of speakers left out (Anna Berg, Bob, SPEAKER 2)"
+    plain = read(tmp_path, "A: so the big\nB: yes\nA: wheel\n", "a.txt")
+    assert [word.text for word in plain.words] == ["so", "the", "big", "yes", "wheel"]
+
+
+@pytest.mark.parametrize("text", ["Remember: it turns", "as he said: it turns", "10: it turns"])
+def test_a_colon_alone_names_no_speaker(tmp_path, text):
+    said = [(0.0, 1.0, text), (1.0, 2.0, "so it does"), (2.0, 3.0, "and so on: yes")]
+    words = [word.text for word in read(tmp_path, srt(*said), "a.srt").words]
+    assert words == [*text.split(), *["so", "it", "does", "and", "so", "on:", "yes"]]
+
+
+@pytest.mark.parametrize(
+    "cues",
+    [
+        [  # they grow word by word, with pauses
+            (0.4, 0.6, "so"),
+            (0.6, 0.7, "so the"),
+            (1.0, 1.5, "so the big"),
+            (2.0, 2.4, "wheel"),
+            (2.8, 3.0, "wheel turns"),
+            (3.2, 3.8, "wheel turns slowly"),
+        ],
+        [  # each carries its last line over, with pauses
+            (0.4, 1.0, "so the"),
+            (1.5, 2.0, "so the\nbig wheel"),
+            (2.4, 3.0, "big wheel\nturns slowly"),
+        ],
+    ],
+)
+def test_captions_that_grow_or_roll_after_pauses_are_read_once(tmp_path, cues):
+    transcript = read(tmp_path, srt(*cues), "a.srt", 4.0)
+    words = ["so", "the", "big", "wheel", "turns", "slowly"]
+    assert [word.text for word in transcript.words] == words
+    assert {cue[0] for cue in cues} <= {word.start for word in transcript.words}
+    assert "left out that captions carried over" in transcript.notes[0]
+
+
+def test_what_is_said_again_after_a_long_pause_stays(tmp_path):
+    said = [(0.0, 1.0, "so"), (4.0, 5.0, "so it"), (8.0, 9.0, "so it does")]
+    assert len(read(tmp_path, srt(*said), "a.srt", 9.0).words) == 6
+
+
+def test_a_single_line_with_a_colon_names_no_speaker(tmp_path):
+    words = read(tmp_path, srt((0.0, 1.0, "Remember: it turns")), "a.srt").words
+    assert [word.text for word in words] == ["Remember:", "it", "turns"]

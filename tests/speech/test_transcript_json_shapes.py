@@ -385,3 +385,54 @@ def test_a_stream_that_is_cut_off_names_the_place(tmp_path):
 def test_half_a_surrogate_pair_is_replaced():
     path = Path(__file__).parents[1] / "data/hostile/json_lone_surrogate/a.json"
     assert read_transcript(path) == (Word("a\ufffdb", 0.0, 1.0),)
+
+
+def segments_of(*segments):
+    return {
+        "segments": [
+            {
+                "start": start,
+                "end": end,
+                "text": "",
+                "words": [{"word": w, "start": s, "end": e} for w, s, e in words],
+            }
+            for start, end, words in segments
+        ]
+    }
+
+
+def test_words_whose_times_count_from_their_segment(tmp_path):
+    path = tmp_path / "a.json"
+    first = (0.4, 1.5, [("so", 0.0, 0.2), ("the", 0.2, 0.4), ("big", 0.4, 1.1)])
+    path.write_text(json.dumps(segments_of(first, (1.6, 2.6, [("wheel", 0.1, 1.0)]))))
+    transcript = read_transcript_with_timing(path, 3.0)
+    assert [(w.text, round(w.start, 3), round(w.end, 3)) for w in transcript.words] == [
+        ("so", 0.4, 0.6),
+        ("the", 0.6, 0.8),
+        ("big", 0.8, 1.5),
+        ("wheel", 1.7, 2.6),
+    ]
+    assert transcript.notes == (
+        "its words' times count from their segment's start, which was added",
+    )
+
+
+def test_words_before_their_segments_are_refused_and_loose_ones_left(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(segments_of((1.6, 2.0, [("so", 0.1, 1.2)]))))
+    with pytest.raises(InputFileError, match=r"starts at 1\.6 has words up to 1\.2"):
+        read_transcript_with_timing(path, 3.0)
+    path.write_text(json.dumps(segments_of((1.6, 2.0, [("so", 1.2, 1.7), ("on", 1.8, 2.5)]))))
+    transcript = read_transcript_with_timing(path, 3.0)
+    assert [word.start for word in transcript.words] == [1.2, 1.8]
+    assert transcript.notes == ("words reach up to 0.5 s out of their segments",)
+    path.write_text(json.dumps(segments_of((1.0, 2.9, [("so", 0.5, 1.7), ("on", 1.7, 2.0)]))))
+    transcript = read_transcript_with_timing(path, 3.0)
+    assert [word.start for word in transcript.words] == [0.5, 1.7]
+    assert transcript.notes == ("words reach up to 0.5 s out of their segments",)
+    path.write_text(json.dumps(segments_of((400, 1500, [("so", 0.4, 0.7), ("on", 0.7, 1.5)]))))
+    assert [word.start for word in read_transcript_with_timing(path, 3.0).words] == [0.4, 0.7]
+    in_ms = [(word, start * 1000, end * 1000) for word, start, end in TURNING]
+    path.write_text(json.dumps(segments_of((0.4, 2.6, in_ms))))
+    (note,) = read_transcript_with_timing(path, 3.0).notes
+    assert note.startswith("its times are milliseconds")

@@ -270,6 +270,11 @@ def test_words_before_their_times_confidences_and_sbv_are_read(tmp_path, content
         "".join(f"Bob (00:00:0{i}):\nso they all turn on and on\n" for i in range(4)),
         "[00:00.40]so the big wheel\n[00:01.60]turns slowly\n[00:02.60]\n",
         "[0.40s -> 1.52s] so the big wheel\n[1.60s -> 2.60s] turns slowly\n",
+        "[00:00.40] so the big wheel turns slowly\n",
+        "rec1 1 spk 0.40 2.60 <o,f0,male> so the big wheel turns slowly\n",
+        "words\t\t00:00:00:10\t10\t00:00:00:18\t18\tso\n",
+        "Ann Berg  0:00\nso the big wheel and so on turns slowly with all that is on it\n",
+        "Ann at 1:00\nso it\n\nhas come\nBob at 1:02\nturned\nto\nAnn at 1:02\nyes\n",
     ],
 )
 def test_lists_of_times_are_no_prose(tmp_path, content):
@@ -288,3 +293,33 @@ def test_lists_of_times_are_no_prose(tmp_path, content):
 def test_prose_with_numbers_is_prose(tmp_path, content):
     words = read(tmp_path, content, "a.txt").words
     assert [word.text for word in words] == content.split()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "we meet at 10:30\nand leave at 9:15\nor at 11:00",
+        "the train of 10:30\nand that of 11:00",
+        "so it is 0:05\nand then I turned",
+        "it is 0:05 and 2.5 and 3.75 are numbers",
+    ],
+)
+def test_prose_may_name_times(tmp_path, content):
+    transcript = read(tmp_path, content, "a.txt", 6.0)
+    assert [word.text for word in transcript.words] == content.split()
+
+
+@pytest.mark.parametrize("scale", [10, 25])
+def test_whole_numbers_of_slow_words_are_refused_however_long_the_sound(tmp_path, scale):
+    with pytest.raises(InputFileError, match="frame numbers or tenths of a second") as caught:
+        read(tmp_path, rows(scale), duration_s=3000.0)
+    assert "frames: divide by the frame rate; tenths: divide by 10" in str(caught.value)
+
+
+def test_slow_words_are_noted(tmp_path):
+    slow = read(tmp_path, rows(10, whole=False), duration_s=3000.0)
+    assert slow.words[0] == Word("so", 4.0, 6.2)
+    assert slow.notes == ("half of the words last over 3.85 s: are its times seconds?",)
+    assert read(tmp_path, rows(3, whole=False), duration_s=3000.0).notes == ()
+    phrases = "0 2 so the big\n2 4 wheel turns\n4 6 slowly\n6 9 and stops there\n"
+    assert read(tmp_path, phrases, duration_s=9.0).notes == ()

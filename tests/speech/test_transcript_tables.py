@@ -114,3 +114,43 @@ def test_prose_with_numbers_and_commas_is_prose(tmp_path):
     assert read(tmp_path, text, "a.txt").timing == "spread"
     (tmp_path / "b.txt").write_text("10, 20, thirty")
     assert len(read_transcript(tmp_path / "b.txt", 3.0)) == 3
+
+
+@pytest.mark.parametrize("suffix", ["tsv", "txt"])
+@pytest.mark.parametrize("separator", ["\t", " "])
+@pytest.mark.parametrize("score", ["0.9", "-12."])
+def test_a_number_after_each_word_is_a_score(tmp_path, separator, score, suffix):
+    listed = "".join(
+        separator.join([str(s), str(e), w, f"{score}{i}"]) + "\n"
+        for i, (w, s, e) in enumerate(TURNING)
+    )
+    for head in ("", separator.join(["start", "end", "word", "score"]) + "\n"):
+        transcript = read(tmp_path, head + listed, f"a.{suffix}")
+        assert times(transcript.words) == TURNING
+        assert transcript.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("separator", "first", "last"), [("\t", "", "NOUN"), (" ", "", "NOUN"), ("\t", "A\t", "")]
+)
+def test_tags_and_speakers_beside_words_are_none(tmp_path, separator, first, last):
+    row = separator.join(["{}", "{}", first + "{}", last]).rstrip()
+    transcript = read(tmp_path, "".join(row.format(s, e, w) + "\n" for w, s, e in TURNING))
+    assert times(transcript.words) == TURNING
+    (note,) = transcript.notes
+    column = 4 if first else 3
+    assert f"the words are those of column {column} (so, the, big ...), not of column" in note
+
+
+def test_two_columns_that_may_be_words_are_refused(tmp_path):
+    listed = "".join(f"{s}\t{e}\t{w}\t{w}s\n" for w, s, e in TURNING)
+    with pytest.raises(InputFileError, match="tiers: 'column 3', 'column 4'"):
+        read(tmp_path, listed)
+    assert times(read(tmp_path, f"start\tend\tword\tlemma\n{listed}").words) == TURNING
+
+
+def test_phrases_of_two_words_stay_phrases(tmp_path):
+    said = ["so the", "big wheel", "turns slowly", "and stops"]
+    listed = "".join(f"{i} {i + 1} {text}\n" for i, text in enumerate(said))
+    words = read(tmp_path, listed, duration_s=4.0).words
+    assert [word.text for word in words] == " ".join(said).split()

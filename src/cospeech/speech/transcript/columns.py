@@ -87,6 +87,7 @@ class Columns:
         tier: The column that says whose tier a row is.
         has_durations: ``end`` holds durations.
         is_whisper: The header is that of Whisper's own TSV.
+        passed_over: Columns of texts, without names, that are not taken for the words.
     """
 
     start: Column
@@ -96,6 +97,7 @@ class Columns:
     tier: int | None = None
     has_durations: bool = False
     is_whisper: bool = False
+    passed_over: tuple[int, ...] = ()
 
     @property
     def are_seconds(self) -> bool:
@@ -159,7 +161,8 @@ def columns_by_content(rows: Sequence[Sequence[str]]) -> Columns | None:
     """The columns by what is in them; None where that can't be told.
 
     Clock times are start and end; of three columns of numbers the third may be the difference of
-    the others or a confidence; two alone are start and end if no row says otherwise.
+    the others or a confidence; two alone are start and end if no row says otherwise. Of several
+    columns of texts the one of the most different ones holds the words; those alike are tiers.
     """
     width = max(map(len, rows))
     if width > _MOST_COLUMNS:
@@ -178,14 +181,18 @@ def columns_by_content(rows: Sequence[Sequence[str]]) -> Columns | None:
         times = numbers if len(numbers) < width else numbers[:-1]
     after = [i for i in range(max(start, end) + 1, width) if i not in times]
     before = [i for i in range(min(start, end)) if i not in times]
-    texts = after or before
-    if not texts:
+    candidates = [i for i in after if any(cells[i])] or after[:1] or before[-1:]
+    if not candidates:
         return None
+    variety = {index: _variety(cells[index]) for index in candidates}
+    texts = tuple(index for index in candidates if variety[index] == max(variety.values()))
     return Columns(
         Column(start, is_known=len(clocks) >= 2),
         Column(end, is_known=len(clocks) >= 2),
-        (texts[-1],),
-        tier=before[0] if after and before else None,
+        texts,
+        {index: f"column {index + 1}" for index in texts} if len(texts) > 1 else {},
+        tier=before[0] if after and before and len(texts) == 1 else None,
+        passed_over=tuple(index for index in candidates if index not in texts),
     )
 
 
@@ -198,8 +205,10 @@ def _pair(cells: Sequence[Sequence[str]], numbers: Sequence[int]) -> tuple[int, 
                 if any(row[2] for row in rows) and all(_is_difference(*row) for row in rows):
                     return i, j
     # Durations stand where ends would: then some are smaller than their starts. A third number
-    # may be a confidence.
-    is_sure = len(numbers) == 3 and all(0 <= value <= 1 for value in values[numbers[2]])
+    # may be a confidence, and after the words a score.
+    is_sure = len(numbers) == 3 and (
+        numbers[2] > numbers[1] + 1 or all(0 <= value <= 1 for value in values[numbers[2]])
+    )
     if (len(numbers) == 2 or is_sure) and numbers[1] == numbers[0] + 1:
         first, second = (values[i] for i in numbers[:2])
         if all(a <= b for a, b in zip(first, second, strict=True)):
@@ -211,6 +220,12 @@ def _is_difference(start: float, end: float, duration: float) -> bool:
     whole = start.is_integer() and end.is_integer() and duration.is_integer()
     tolerance = _EQUAL_UNITS if whole and end > 60 else _EQUAL_S
     return abs(end - start - duration) <= tolerance
+
+
+def _variety(cells: Sequence[str]) -> int:
+    """How many different texts a column has: words vary more than tags and speakers do."""
+    is_numbered = all(any(map(str.isdigit, cell)) for cell in cells)
+    return 0 if is_numbered else len(set(cells))
 
 
 def _all(cells: Sequence[str], read: Callable[[str], float | None]) -> bool:

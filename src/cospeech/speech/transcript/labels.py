@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from collections import Counter
 from collections.abc import Iterable
 
 SILENCE_LABELS = frozenset(
@@ -22,8 +23,24 @@ _TIME = re.compile(
     r"(?m)^\W{0,3}\d{1,3}:[0-5]\d(?!\d)"  # 00:12 at the start of a line
     r"|(?<![\d.:])(?:\d{1,3}:[0-5]\d[.,:]|\d{1,5}\.)\d{1,6}(?:[.,]\d{1,6})?(?![\d:])"
 )
+_UNMISTAKABLE = re.compile(
+    r"(?m)(?<![\d:.])\d{1,2}:[0-5]\d:[0-5]\d[:;]\d{2}(?![\d:])"  # 00:00:01:12, with a frame
+    r"|^\s{0,9}[\[(<]\d{1,3}:[0-5]\d[.,:]\d{1,6}[\])>]"  # [00:01.20] at the start of a line
+    r"|(?:^|\s)\d{1,5}\.\d{1,6}\s{1,9}\d{1,5}\.\d{1,6}\s"  # 0.40 2.60 next to each other
+    r"|^[^\W_a-z][^\s:.]{0,40}(?: [^\W_a-z][^\s:.]{0,40}){0,2}"  # Ann Berg 0:05
+    r"[ \t]{1,9}[\[(]?0{1,2}:[0-5]\d[\])]?\s*$"
+)
+_SPEAKER = re.compile(
+    r"(?m)^[-\u2013\u2014 \t]{0,3}([^\s:]{1,30}(?: [^\s:]{1,30}){0,3}):[ \t]{1,9}(?=\S)"
+)
+_SPEAKERS_SHARE = 0.2  # of the lines say who speaks
+_AT_AN_END = re.compile(
+    r"(?m)^\W{0,3}((?:\d{1,2}:)?\d{1,3}:[0-5]\d)\b"
+    r"|\s\W{0,2}((?:\d{1,2}:)?\d{1,3}:[0-5]\d)\W{0,3}$"
+)
 _ARROW = re.compile(r"-{1,2}>")
 _TAG = re.compile(r"</?[a-zA-Z0-9:][^<>]{0,200}+>")
+_FEWEST_CLOCKS, _MOST_CLOCKS = 3, 0.2  # at ends of lines, and their share of the lines
 _UNKNOWN = frozenset({"<unk>", "<UNK>"})
 _IN_BRACKETS = re.compile(r"\[[^\[\]]*+\]|\{[^{}]*+\}")
 
@@ -74,6 +91,28 @@ def times_within(text: str) -> list[str]:
     return [found.group().strip("[(\n \t") for found in _TIME.finditer(text)]
 
 
+def times_of_a_list(text: str) -> list[str]:
+    """Times that no prose has: with frames, in brackets before lines, two next to each other.
+
+    So have clock times at an end of most lines that never go back.
+    """
+    found = [time.group().strip("[](<>)\n \t") for time in _UNMISTAKABLE.finditer(text)]
+    if found:
+        return found
+    clocks = [one or other for one, other in _AT_AN_END.findall(text)]
+    lines = sum(bool(line.strip()) for line in text.splitlines())
+    seconds = [_seconds(clock) for clock in clocks]
+    is_list = len(clocks) >= _FEWEST_CLOCKS and len(clocks) > _MOST_CLOCKS * lines
+    return clocks if is_list and seconds == sorted(seconds) else []
+
+
+def _seconds(clock: str) -> int:
+    total = 0
+    for part in clock.split(":"):
+        total = 60 * total + int(part)
+    return total
+
+
 def without_markup(text: str) -> tuple[str, int]:
     """A text without tags, entities and sounds in brackets, and how many those were.
 
@@ -91,6 +130,31 @@ def without_markup(text: str) -> tuple[str, int]:
         text, brackets = _IN_BRACKETS.subn(" ", text)
         count += brackets
     return text.strip(), count
+
+
+def speakers_of(texts: Iterable[str]) -> frozenset[str]:
+    """Names of speakers before what they say: ``Anna Berg: ...``, several times.
+
+    A name said once counts only where most lines have one.
+    """
+    counts: Counter[str] = Counter()
+    lines = 0
+    for text in texts:
+        counts.update(filter(_is_name, _SPEAKER.findall(text)))
+        lines += text.count("\n") + 1
+    fewest = 1 if 2 * counts.total() > lines else 2
+    if not counts or max(counts.values()) < 2 or counts.total() <= _SPEAKERS_SHARE * lines:
+        return frozenset()
+    return frozenset(name for name, count in counts.items() if count >= fewest)
+
+
+def without_speakers(text: str, names: frozenset[str]) -> str:
+    """A text without those names, and their colons, at the starts of its lines."""
+    return _SPEAKER.sub(lambda found: "" if found[1] in names else found[0], text)
+
+
+def _is_name(text: str) -> bool:
+    return text[0].isupper() and all(part[0].isupper() or part.isdigit() for part in text.split())
 
 
 def are_phones(labels: Iterable[str]) -> bool:

@@ -18,8 +18,10 @@ from cospeech.speech.transcript.labels import (
     are_annotations,
     are_phones,
     is_spoken,
+    speakers_of,
     without_clocks,
     without_markup,
+    without_speakers,
 )
 from cospeech.speech.transcript.spreading import TYPICAL_LETTER_S, letters
 from cospeech.speech.transcript.units import median_word
@@ -54,11 +56,14 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
     spoken: list[Entry] = []
     clocks = marked = repeated = 0
     seen: set[tuple[str, float | None, float | None]] = set()
+    entries = list(entries)
+    names = speakers_of(without_markup(entry.text)[0] for entry in entries)
     for entry in entries:
         text = entry.text.strip()
         if not is_spoken(text):
             continue
         text, markup = without_markup(text)
+        text = without_speakers(text, names) if names else text
         text, times = without_clocks(text)
         marked += markup > 0
         clocks += times
@@ -86,6 +91,8 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
             hint="give a file with the words that are said",
         )
     notes = []
+    if names:
+        notes.append(f"names of speakers left out ({', '.join(sorted(names)):.60})")
     if clocks:
         notes.append(f"{counted(clocks, 'clock time')} among the words left out")
     if marked:

@@ -20,7 +20,7 @@ from cospeech.speech.transcript.entries import (
     require_few,
 )
 from cospeech.speech.transcript.json_shapes import parse_json_transcript
-from cospeech.speech.transcript.labels import times_within
+from cospeech.speech.transcript.labels import times_of_a_list, times_within
 from cospeech.speech.transcript.lines import is_bracketed, parse_bracketed
 from cospeech.speech.transcript.plausibility import plausible_words, require_columns, spoken_entries
 from cospeech.speech.transcript.spreading import fill_in_times, spread_text
@@ -129,7 +129,9 @@ def _require_prose(path: Path, text: str) -> None:
     lines = [line for line in text.splitlines() if line.strip()]
     timed = sum(bool(times_within(line)) for line in lines)
     share = max(len(times) / len(text.split()), timed / len(lines) if timed > 1 else 0.0)
-    if len(times) >= _FEWEST_TIMES and share > _MOST_TIMES:
+    if len(times) < _FEWEST_TIMES or share <= _MOST_TIMES:
+        times = times_of_a_list(text)
+    if times:
         what = f"a list with times ({', '.join(times[:3])} ...)"
     elif text.lstrip().startswith("<?xml"):
         what = "XML"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 from cospeech.errors import InputFileError
 from cospeech.speech.transcript.clocks import CLOCK, seconds_of
 from cospeech.speech.transcript.entries import Entries, Entry, counted, require_few
+from cospeech.speech.transcript.highlights import Cue, with_highlights
 from cospeech.speech.transcript.labels import without_markup
 from cospeech.speech.transcript.lines import numbered_lines
 
@@ -21,19 +22,12 @@ _SBV_TIMES = re.compile(rf"(?m)^({_CUE_CLOCK}),({_CUE_CLOCK})[ \t]{{0,9}}$")  # 
 _INLINE_TIME = re.compile(rf"<{CLOCK}>")
 
 _SHORTEST_CUE_S = 0.1
+_LONGEST_PAUSE_S = 2.0
 _ROLLING_SHARE = 0.5
 _FEWEST_OVERLAPS = 2
 _FEWEST_TOKENS = 3
 _MOST_LINES = 20
 _MOST_DIGITS = 9
-
-
-@dataclass
-class _Cue:
-    start: float
-    end: float
-    place: str
-    lines: list[str] = field(default_factory=list)
 
 
 def is_cue_times(line: str) -> bool:
@@ -44,6 +38,7 @@ def is_cue_times(line: str) -> bool:
 def parse_subtitles(path: Path, text: str) -> Entries:
     """Cues as phrases, or the words of cues that hold ``<00:00:01.000>`` between them.
 
+    Cues that repeat a line for each of its words, marking that, give those words their times.
     Lines that captions carry over from the cue before (they roll) are left out. So are the cues'
     numbers, notes and styles.
 
@@ -51,7 +46,7 @@ def parse_subtitles(path: Path, text: str) -> Entries:
         InputFileError: A line with ``-->`` holds no two times.
     """
     text = _SBV_TIMES.sub(r"\1 --> \6", text)
-    cues, repeated = _new_lines(_cues(path, text))
+    cues, repeated = _new_lines(with_highlights(_cues(path, text)))
     cut = _cut_where_they_stay(cues)
     entries: list[Entry] = []
     for cue in cues:
@@ -65,8 +60,8 @@ def parse_subtitles(path: Path, text: str) -> Entries:
     return Entries(tuple(entries), tuple(notes), are_seconds=True)
 
 
-def _cues(path: Path, text: str) -> list[_Cue]:
-    cues: list[_Cue] = []
+def _cues(path: Path, text: str) -> list[Cue]:
+    cues: list[Cue] = []
     is_vtt = text.lstrip().startswith("WEBVTT")
     is_text = False
     aside: list[str] = []  # lines after a blank one, which belong to nothing yet
@@ -93,7 +88,7 @@ def _cues(path: Path, text: str) -> list[_Cue]:
             _close(cues, aside, is_vtt)
             groups = times.groups()
             require_few(path, len(cues))
-            cues.append(_Cue(seconds_of(groups[:4]), seconds_of(groups[4:8]), place))
+            cues.append(Cue(seconds_of(groups[:4]), seconds_of(groups[4:8]), place))
             rest = groups[8].lstrip()
             if rest.startswith("]"):  # Whisper prints [00:00.000 --> 00:02.000]  text
                 cues[-1].lines.append(rest[1:])
@@ -109,27 +104,29 @@ def _cues(path: Path, text: str) -> list[_Cue]:
     return cues
 
 
-def _close(cues: list[_Cue], aside: list[str], is_vtt: bool) -> None:
+def _close(cues: list[Cue], aside: list[str], is_vtt: bool) -> None:
     """Give the last cue what stands after a blank line in it; in VTT those are names and notes."""
     if cues and not is_vtt:
         cues[-1].lines += aside
 
 
-def _new_lines(cues: Sequence[_Cue]) -> tuple[list[_Cue], int]:
+def _new_lines(cues: Sequence[Cue]) -> tuple[list[Cue], int]:
     """Cues without the lines that they repeat of the one before, and the number of those lines."""
     before: list[list[str]] = [[]]
     for cue in cues:
         before.append([plain for line in cue.lines if (plain := _plain(line))])
     overlaps = [_overlap(one, two) for one, two in pairwise(before)]
     for index, (cue, after) in enumerate(pairwise(cues), start=1):
-        if not _follows(cue, after):
+        if after.words or not _follows(
+            cue, after, _grows(overlaps[index], *before[index : index + 2])
+        ):
             overlaps[index] = 0
     count = sum(
         overlaps[index] > 0 and not _may_be_said_again(cue, after, *before[index : index + 2])
         for index, (cue, after) in enumerate(pairwise(cues), start=1)
     )
     is_rolling = count >= _FEWEST_OVERLAPS and count > _ROLLING_SHARE * (len(cues) - 1)
-    new: list[_Cue] = []
+    new: list[Cue] = []
     repeated = 0
     for index, (cue, overlap) in enumerate(zip(cues, overlaps, strict=True)):
         lines = [line for line in cue.lines if _plain(line)]
@@ -140,11 +137,11 @@ def _new_lines(cues: Sequence[_Cue]) -> tuple[list[_Cue], int]:
             repeated += overlap
             lines = _without_tokens(lines, carried)
         if lines:
-            new.append(_Cue(cue.start, cue.end, cue.place, lines))
+            new.append(replace(cue, lines=lines))
     return new, repeated
 
 
-def _cut_where_they_stay(cues: Sequence[_Cue]) -> int:
+def _cut_where_they_stay(cues: Sequence[Cue]) -> int:
     """Cut cues of a file in which most stay while the next is spoken; how many were cut."""
     staying = [
         (cue, after.start) for cue, after in pairwise(cues) if cue.start < after.start < cue.end
@@ -175,13 +172,18 @@ def _overlap(before: Sequence[str], lines: Sequence[str]) -> int:
     return 0
 
 
-def _follows(before: _Cue, cue: _Cue) -> bool:
-    """Whether there is no pause between two cues: only then are lines carried over."""
-    return cue.start - before.end < _SHORTEST_CUE_S
+def _follows(before: Cue, cue: Cue, grows: bool) -> bool:
+    """Whether there is no pause between two cues, or a short one after which the text grew."""
+    return cue.start - before.end < (_LONGEST_PAUSE_S if grows else _SHORTEST_CUE_S)
+
+
+def _grows(overlap: int, lines: Sequence[str], new_lines: Sequence[str]) -> bool:
+    """Whether a cue begins with lines of the one before and goes on: that is rarely speech."""
+    return overlap > 0 and _tokens(new_lines) > _tokens(lines[len(lines) - overlap :])
 
 
 def _may_be_said_again(
-    before: _Cue, cue: _Cue, lines: Sequence[str], new_lines: Sequence[str]
+    before: Cue, cue: Cue, lines: Sequence[str], new_lines: Sequence[str]
 ) -> bool:
     """Whether a cue repeats the one before with a time of its own, so that it may be speech."""
     is_same_time = (cue.start, cue.end) == (before.start, before.end)
@@ -189,7 +191,7 @@ def _may_be_said_again(
     return lines == new_lines and not is_same_time and not is_short
 
 
-def _holds_on(before: _Cue, cue: _Cue, carried: int, tokens: int) -> bool:
+def _holds_on(before: Cue, cue: Cue, carried: int, tokens: int) -> bool:
     """Whether a cue goes on from the one before, in a file whose others mostly don't."""
     follows = abs(cue.start - before.end) < _SHORTEST_CUE_S
     is_short = cue.end - cue.start < _SHORTEST_CUE_S
@@ -213,8 +215,10 @@ def _without_tokens(lines: Sequence[str], carried: int) -> list[str]:
     return rest
 
 
-def _cue_entries(cue: _Cue) -> list[Entry]:
-    text = " ".join(cue.lines)
+def _cue_entries(cue: Cue) -> list[Entry]:
+    if cue.words:
+        return list(cue.words)
+    text = "\n".join(cue.lines)
     times = list(_INLINE_TIME.finditer(text))
     if not times:
         return [Entry(text, cue.start, cue.end, cue.place, is_phrase=True)]

@@ -17,6 +17,7 @@ from cospeech.speech.transcript.tiers import Tier, words_tier
 _CHANNELS = frozenset({"0", "1", "2", "A", "B", "a", "b"})
 _SEPARATORS = "\t;,"
 _LOOKED_AT = 200
+_FEWEST_TAGS = 4  # rows from which few tags tell themselves from words
 _HINT = (
     "times are seconds, columns are separated by tabs or spaces: start, end, word. Another order"
     " needs a first line with the columns' names"
@@ -27,6 +28,9 @@ _HINT = (
 class _Row:
     place: str
     cells: list[str]
+
+    def cell(self, index: int) -> str:
+        return self.cells[index] if index < len(self.cells) else ""
 
 
 def is_ctm(line: str) -> bool:
@@ -90,7 +94,18 @@ def parse_table(path: Path, text: str) -> Entries:
         for name, entry in _row_entries(path, row, columns, in_milliseconds):
             tiers.setdefault(name, Tier(name)).entries.append(entry)
     tier = words_tier(path, list(tiers.values())) if tiers else Tier("")
-    return Entries(tuple(tier.entries), are_seconds=columns.are_seconds or in_milliseconds)
+    notes = _passed_over(rows, columns)
+    return Entries(tuple(tier.entries), notes, columns.are_seconds or in_milliseconds)
+
+
+def _passed_over(rows: Sequence[_Row], columns: Columns) -> tuple[str, ...]:
+    if not columns.passed_over:
+        return ()
+    taken, *others = (
+        f"column {index + 1} ({', '.join(row.cell(index) for row in rows[:3]):.60} ...)"
+        for index in (*columns.texts, *columns.passed_over)
+    )
+    return (f"the words are those of {taken}, not of {' and '.join(others)}",)
 
 
 def parse_ctm(path: Path, text: str) -> Entries:
@@ -144,7 +159,28 @@ def _rows(path: Path, text: str) -> list[_Row]:
         if len(cells) == 1:
             cells = line.split(None, 2)
         rows.append(_Row(place, [cell.strip() for cell in cells]))
-    return rows
+    return rows if separator is not None or not rows else _with_more_columns(rows)
+
+
+def _with_more_columns(rows: list[_Row]) -> list[_Row]:
+    """Rows of start, end and word of which a score or a tag after each word is a column too."""
+    texts = [row.cell(2).split() for row in rows]
+    said = texts[1:] if number(rows[0].cell(0)) is None else texts
+    if not said or min(map(len, said)) < 2:
+        return rows
+    last = [text[-1] for text in said]
+    are_scores = all(number(text) is not None and set(".-") & set(text) for text in last)
+    are_tags = (
+        len(said) >= _FEWEST_TAGS
+        and max(map(len, said)) == 2
+        and 2 * len(set(last)) <= len({text[0] for text in said})
+    )
+    if not (are_scores or are_tags):
+        return rows
+    return [
+        _Row(row.place, [*row.cells[:2], " ".join(text[:-1]), text[-1]] if text[1:] else row.cells)
+        for row, text in zip(rows, texts, strict=True)
+    ]
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -192,7 +228,7 @@ def _row_entries(
         start, end = start / 1000, end / 1000
     found = []
     for index in columns.texts:
-        label = row.cells[index] if index < len(row.cells) else ""
+        label = row.cell(index)
         if columns.tier is not None and columns.tier < len(row.cells):
             name = row.cells[columns.tier]
         else:

@@ -23,6 +23,11 @@ TIME_UNITS: tuple[tuple[float, str], ...] = (
 SLOWEST_WORD_S = 10.0
 """Half of all words never last longer, s."""
 
+SLOW_WORD_S = 2.0
+"""Half of all words rarely last longer, s; where times are whole numbers, they are no seconds."""
+
+_FEWEST = 4  # words from which half of them means something
+
 _USUAL_WORD_S = (0.08, 0.8)
 """Between these lies the length of half the words in any speech, s."""
 
@@ -38,7 +43,7 @@ def in_seconds(
     """Entries in seconds, and a note where they were in milliseconds or samples.
 
     Only times that can't be seconds are touched: half of the words would last over
-    `SLOWEST_WORD_S`.
+    `SLOWEST_WORD_S`. Above `SLOW_WORD_S` whole numbers are refused, and others noted.
 
     Args:
         path: For messages.
@@ -50,7 +55,7 @@ def in_seconds(
     """
     median = median_word(entries)
     if median is None or median <= SLOWEST_WORD_S:
-        return list(entries), []
+        return list(entries), _on_slow_words(path, entries, median or 0.0)
     last = max(entry.end for entry in entries if entry.end is not None)
     possible = [
         (per_second, unit)
@@ -82,6 +87,20 @@ def in_seconds(
     ]
     note = f"its times are {unit}: they were divided by {per_second:g} (the last word ends at"
     return converted, [f"{note} {last / per_second:.2f} s)"]
+
+
+def _on_slow_words(path: Path, entries: Sequence[Entry], median: float) -> list[str]:
+    times = [time for entry in entries for time in (entry.start, entry.end) if time is not None]
+    if len(entries) < _FEWEST or median <= SLOW_WORD_S:
+        return []
+    if all(time.is_integer() for time in times):
+        raise InputFileError(
+            path,
+            f"its times look like frame numbers or tenths of a second: they are whole numbers, and"
+            f" half of the words would last over {median:g} s",
+            hint="convert them to seconds (frames: divide by the frame rate; tenths: divide by 10)",
+        )
+    return [f"half of the words last over {median:.3g} s: are its times seconds?"]
 
 
 def median_word(entries: Sequence[Entry]) -> float | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
@@ -18,6 +20,9 @@ from cospeech.speech.transcript.json_shapes.items import (
 from cospeech.speech.transcript.labels import is_spoken
 from cospeech.speech.transcript.spreading import lay_out
 
+_FITS_S, _OFF_S = 0.1, 1.0  # words reach at most, or at least, that far out of a segment
+_LOOSE_S, _LOOSE_SHARE = 0.3, 0.1  # farther, and by more of its length, is told
+_OTHER_UNIT = 100.0  # segments that much longer or shorter than their words have another unit
 _OVERLAP_S = 1.0  # that much may chunks overlap
 _WITHOUT_BLANKS = "\u3040"  # from here on in Unicode: kana, ideographs, syllables
 
@@ -44,6 +49,7 @@ def read_segments(document: Document) -> Entries | None:
         beside = _words_beside(document, value)
         if beside is not None:
             return beside
+    listed, notes = _in_place(document, [document.times(*item) for item in segments], listed)
     entries: list[Entry] = []
     phrases = 0
     for (place, segment), words in zip(segments, listed, strict=True):
@@ -54,10 +60,61 @@ def read_segments(document: Document) -> Entries | None:
             phrases += bool(entry.text.strip())
         elif words:
             entries += _within(words, *document.times(place, segment))
-    notes: tuple[str, ...] = ()
     if phrases and is_aligned:
-        notes = (spread_note(phrases, len(segments)),)
-    return Entries(tuple(entries), notes)
+        notes.append(spread_note(phrases, len(segments)))
+    return Entries(tuple(entries), tuple(notes))
+
+
+def _in_place(
+    document: Document,
+    times: Sequence[tuple[float | None, float | None]],
+    listed: list[list[Entry]],
+) -> tuple[list[list[Entry]], list[str]]:
+    """Words from the start of the recording, and a note where theirs count from the segment's.
+
+    Raises:
+        InputFileError: Most segments' words lie before them, wherever their times count from.
+    """
+    spans = []
+    for (start, end), words in zip(times, listed, strict=True):
+        known = [time for word in words for time in (word.start, word.end) if time is not None]
+        if start is not None and end is not None and known:
+            spans.append((start, end, min(known), max(known)))
+    long = sum(end - start for start, end, _, _ in spans)
+    said = sum(last - first_time for _, _, first_time, last in spans)
+    if not long / _OTHER_UNIT < said < long * _OTHER_UNIT:
+        return listed, []
+    is_off = any(_misfit(*span) > _OFF_S for span in spans)
+    if is_off and all(_misfit(0.0, end - start, *inner) <= _FITS_S for start, end, *inner in spans):
+        moved = [
+            [_later(word, start or 0.0) for word in words]
+            for (start, _), words in zip(times, listed, strict=True)
+        ]
+        return moved, ["its words' times count from their segment's start, which was added"]
+    before = [span for span in spans if span[3] <= span[0] - _LOOSE_S]
+    if 2 * len(before) > len(spans):
+        start, _, _, last = before[0]
+        raise InputFileError(
+            document.path,
+            f"its words lie before their segments: one that starts at {start:g} has words up to"
+            f" {last:g}",
+            hint="give words' times from the start of the recording",
+        )
+    loose = [
+        off
+        for span in spans
+        if (off := _misfit(*span)) > max(_LOOSE_S, _LOOSE_SHARE * (span[1] - span[0]))
+    ]
+    return listed, [f"words reach up to {max(loose):.3g} s out of their segments"] if loose else []
+
+
+def _misfit(start: float, end: float, first_time: float, last_time: float) -> float:
+    return max(start - first_time, last_time - end)
+
+
+def _later(word: Entry, by: float) -> Entry:
+    start, end = (None if time is None else time + by for time in (word.start, word.end))
+    return replace(word, start=start, end=end)
 
 
 def _is_timed(entry: Entry) -> bool:
