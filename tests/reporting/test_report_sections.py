@@ -234,7 +234,7 @@ def test_a_page_that_cannot_be_written_does_not_cost_the_table(runs, capsys):
     assert main([str(runs)]) == 1
     out, error = capsys.readouterr()
     assert "mean pose" in out
-    assert error.startswith(f"error: {runs / 'report.html'}: can't be written (Is a directory)")
+    assert error.startswith(f"error: {runs / 'report.html'}: can't be written (it is not a file)")
     assert [path.name for path in runs.glob(".*")] == []
 
 
