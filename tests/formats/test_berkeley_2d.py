@@ -18,6 +18,7 @@ from cospeech.formats.berkeley.interval_frames import (
     MAX_STRETCH_FRAMES,
     NTSC_FPS,
     frame_rate,
+    sound_of,
     split_at_gaps,
 )
 from cospeech.formats.berkeley.keypoints import BERKELEY_2D, parse_keypoints
@@ -566,3 +567,10 @@ def test_a_store_of_the_2d_set(tmp_path):
     waveform = next(i for i in item.values() if i.id == recording.id).speech.waveform
     expected = waveform[5338 : 5338 + 68267]
     np.testing.assert_allclose(batch.audio[0, : len(expected)], expected, atol=1 / 32768)
+
+
+def test_sound_takes_memory_for_what_is_asked_and_not_for_what_lies_between_its_pieces():
+    pieces = [(0.0, np.full(4, 1.0, np.float32)), (1e9, np.full(4, 2.0, np.float32))]
+    np.testing.assert_array_equal(sound_of(pieces, 0.0, 6 / 16000), [1, 1, 1, 1, 0, 0])
+    np.testing.assert_array_equal(sound_of(pieces, 1e9 - 2 / 16000, 4 / 16000), [0, 0, 2, 2])
+    np.testing.assert_array_equal(sound_of(pieces, 1e9 + 2 / 16000, 4 / 16000), [2, 2, 0, 0])

@@ -48,7 +48,8 @@ class IntervalFrames:
         dataset: Published split of its first frame.
         video: Name of the video.
         link: Where the video is on the web; "" where unknown.
-        sound: Audio at 16 kHz from the first frame's time on; None where it is elsewhere.
+        sounds: (seconds in the video, samples at 16 kHz) of overlapping pieces, in order; None
+            where the audio is elsewhere.
         problems: (kind, what was left out), one per kind.
     """
 
@@ -57,7 +58,7 @@ class IntervalFrames:
     dataset: str
     video: str
     link: str = ""
-    sound: NDArray[np.float32] | None = None
+    sounds: list[tuple[float, NDArray[np.float32]]] | None = None
     problems: list[tuple[str, str]] = field(default_factory=list)
 
 
@@ -172,9 +173,29 @@ def read_samples(root: Path, index: RowIndex, key: Key, limit: int | None) -> In
         np.concatenate(keypoints) if keypoints else np.zeros((0, 2, COUNT)),
         dataset,
         video,
-        sound=_joined(pieces),
+        sounds=pieces or None,
         problems=problems.summary(len(table)),
     )
+
+
+def sound_of(
+    pieces: Sequence[tuple[float, NDArray[np.float32]]], start_s: float, seconds: float
+) -> NDArray[np.float32]:
+    """A stretch of overlapping pieces of sound; silence where none of them is.
+
+    Args:
+        pieces: As `IntervalFrames.sounds`.
+        start_s: Where it begins, seconds in the video.
+        seconds: Its length.
+    """
+    origin = pieces[0][0]
+    begin, count = round((start_s - origin) * SAMPLE_RATE), round(seconds * SAMPLE_RATE)
+    sound = np.zeros(count, dtype=np.float32)
+    for at, piece in pieces:
+        first = int((at - origin) * SAMPLE_RATE + 1e-3) - begin
+        inside = piece[max(0, -first) : max(0, count - first)]
+        sound[max(0, first) : max(0, first) + len(inside)] = inside
+    return sound
 
 
 def frame_rate(times: NDArray[np.float64]) -> float:
@@ -248,18 +269,3 @@ def _read_sample(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         if not (np.abs(waveform) < 8).all():
             raise ValueError("its audio holds NaN, or floats beyond 8")
         return without_face(reader.rows("pose", 0, pose.shape[0])), np.clip(waveform, -1, 1)
-
-
-def _joined(pieces: Sequence[tuple[float, NDArray[np.float32]]]) -> NDArray[np.float32] | None:
-    """Overlapping pieces of sound as one, from the first one's start."""
-    if not pieces:
-        return None
-    origin = pieces[0][0]
-    firsts = [int((start - origin) * SAMPLE_RATE + 1e-3) for start, _ in pieces]
-    sound = np.zeros(
-        max(first + len(piece) for first, (_, piece) in zip(firsts, pieces, strict=True)),
-        dtype=np.float32,
-    )
-    for first, (_, piece) in zip(firsts, pieces, strict=True):
-        sound[first : first + len(piece)] = piece
-    return sound

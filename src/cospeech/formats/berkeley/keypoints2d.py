@@ -29,6 +29,7 @@ from cospeech.formats.berkeley.interval_frames import (
     frame_rate,
     read_keypoint_files,
     read_samples,
+    sound_of,
     split_at_gaps,
 )
 from cospeech.formats.berkeley.keypoints import BERKELEY_2D, to_house_axes
@@ -252,12 +253,8 @@ def _annotations(
 def _audio(
     root: Path, key: Key, frames: IntervalFrames, start: float, duration: float
 ) -> tuple[NDArray[np.float32], str | None]:
-    if frames.sound is not None:
-        first = round((start - frames.times[0]) * SAMPLE_RATE)
-        piece = frames.sound[first:][: round(duration * SAMPLE_RATE)]
-        waveform = np.zeros(round(duration * SAMPLE_RATE), dtype=np.float32)
-        waveform[: len(piece)] = piece
-        return waveform, None
+    if frames.sounds is not None:
+        return sound_of(frames.sounds, start, duration), None
     audio = find_audio(root, key[0], key[1], frames.video)
     if audio is None:
         return np.zeros(0, dtype=np.float32), None
