@@ -37,6 +37,7 @@ from cospeech.methods.base import GestureMethod
 from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
 from cospeech.nn.checkpoints import LAST, is_kept
+from cospeech.quoting import setting
 from cospeech.reporting.record import RunRecord, read_record
 from cospeech.reporting.tables import result_table
 
@@ -225,7 +226,8 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     if best is not None and best.best_model_path:
         again = "train it again: the same command without ckpt_path"
         if isinstance(model, GestureMethod):
-            again += f"; or judge its last weights: python evaluate.py run={folder} checkpoint=last"
+            told = f"python evaluate.py {setting('run', str(folder))} checkpoint=last"
+            again += f"; or judge its last weights: {told}"
         load_weights(model, Path(best.best_model_path), again)
     if isinstance(model, MotionAutoencoder) and trainer.is_global_zero:
         _keep_encoder(cfg, folder, store, model)
