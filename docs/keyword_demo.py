@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.matching.control import Controls, WordPattern, measure
-from cospeech.methods.knn import MotionMatching
+from cospeech.methods.motion_matching import MotionMatching
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import Word
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import torch
 from hydra import compose, initialize_config_dir
 
-from cospeech.methods.knn import MotionMatching
-from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.judges.motion_autoencoder import MotionAutoencoder
+from cospeech.methods.motion_matching import MotionMatching
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import save_encoder

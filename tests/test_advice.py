@@ -90,5 +90,5 @@ def test_advice_that_can_be_followed_is_not(source):
 def test_comments_and_readmes_are_read_too():
     places = {text.place.partition(":")[0] for text in everything()}
     assert {"README.md", "conf/train.yaml", "train.py", "data_modules/mocap.py"} <= places
-    assert any(place.endswith("methods/knn/README.md") for place in places)
+    assert any(place.endswith("methods/motion_matching/README.md") for place in places)
     assert faults(Text("conf/x.yaml:1", " use data.no_such=1", False), known())

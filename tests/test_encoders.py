@@ -9,7 +9,7 @@ import torch
 from cospeech import encoders
 from cospeech.encoders import encoder_for, keep_encoder
 from cospeech.errors import InputFileError
-from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from tests.corpora import make_recording, make_store
 from tests.damage import flipped
 

@@ -8,7 +8,7 @@ import torch
 
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows
-from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from tests.corpora import REST_POSE, make_recording, make_store

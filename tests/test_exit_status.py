@@ -111,8 +111,8 @@ def test_output_that_is_lost_on_a_full_disk_is_an_error():
         ["cospeech.corpus", "doctor", "absent"],
         ["cospeech.reporting"],
         ["cospeech.reporting", "absent"],
-        ["cospeech.methods.phase_classifier"],
-        ["cospeech.methods.phase_classifier", "score", "absent", "--classifier", "absent.pt"],
+        ["cospeech.judges.phase_classifier"],
+        ["cospeech.judges.phase_classifier", "score", "absent", "--classifier", "absent.pt"],
     ],
 )
 def test_a_missing_argument_or_folder_is_no_traceback(tmp_path, arguments):

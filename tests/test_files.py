@@ -14,7 +14,7 @@ from cospeech.corpus.__main__ import main as corpus_main
 from cospeech.errors import CospeechError
 from cospeech.files import is_temporary, remove_temporaries, replacing, write_text
 from cospeech.formats.phase_files.writing import write_elan, write_phase_table
-from cospeech.methods.phase_classifier.confusion_picture import write_confusion
+from cospeech.judges.phase_classifier.confusion_picture import write_confusion
 from cospeech.motion.bvh import write_bvh
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PhaseSegment

@@ -2,12 +2,15 @@
 
 import os
 import time
+import tracemalloc
 
+import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.foreign import (
     linear_pattern,
+    open_array,
     parse_json,
     parse_json_stream,
     parse_yaml,
@@ -140,3 +143,35 @@ def test_texts_of_far_too_many_values_are_refused() -> None:
         parse_json_stream("a.json", "1 " * 100_001, "a record")
     with pytest.raises(InputFileError, match="parts of yaml"):
         parse_yaml("a.yaml", "[" + "1," * 15_000 + "]", "a joint map")
+
+
+def test_an_array_is_mapped_as_it_was_saved(tmp_path) -> None:
+    path = tmp_path / "a.npy"
+    for values in (np.arange(6, dtype=np.int32).reshape(3, 2), np.zeros((0, 4), np.float32)):
+        np.save(path, np.asfortranarray(values))
+        found = open_array(path, "an array")
+        assert isinstance(found, np.memmap)
+        assert found.dtype == values.dtype
+        np.testing.assert_array_equal(found, values)
+
+
+def test_an_array_whose_header_claims_gigabytes_takes_none(tmp_path) -> None:
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros(3))
+    whole = path.read_bytes()
+    tracemalloc.start()
+    for damaged in (
+        whole[:6] + b"\x03\x00" + b"v\x00tr" + whole[10:],
+        whole[:6] + b"\x02\x00" + b"v\x00tr" + whole[10:],
+        whole.replace(b"(3,)", b"(3000000000,)"),
+        whole[:40],
+        b"",
+    ):
+        path.write_bytes(damaged)
+        with pytest.raises(InputFileError, match=r"a\.npy"):
+            open_array(path, "an array", "make it again")
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
+    np.save(path, np.array([{}], dtype=object), allow_pickle=True)
+    with pytest.raises(InputFileError, match="Python's objects"):
+        open_array(path, "an array")

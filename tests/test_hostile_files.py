@@ -19,10 +19,10 @@ from cospeech.errors import InputFileError
 from cospeech.evaluation import read_rows
 from cospeech.formats.berkeley.rows import index_rows
 from cospeech.formats.uci_phases import read_uci_recording
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.matching.database import open_database
 from cospeech.methods.multi_adversary.products import Products
 from cospeech.metrics.encoder import load_any
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.nn.weights_file import filled, read_checkpoint, read_weights
 from tests.corpora import make_store
 from tests.fuzz import seeds

@@ -21,8 +21,6 @@ GUARDED = {
     "foreign.py": "the door itself",
     "formats/berkeley/audio.py": "asks require_no_pipe first",
     "formats/berkeley/npz.py": "the archive comes from open_file",
-    "matching/database.py": "asks require_no_pipe first",
-    "methods/knn_cgan/pairs.py": "asks require_no_pipe first",
     "motion/bvh_rows.py": "bytes in memory",
     "motion/joint_map.py": "the package's own maps",
     "nn/weights_file.py": "asks whether it is a file first",

@@ -15,7 +15,7 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset
 from cospeech.errors import CospeechError
-from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import (
     EVALUATION_FRAMES,
     GestureEncoder,

@@ -16,12 +16,15 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import re2
 import yaml
 
 from cospeech.errors import CospeechError, InputFileError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 MOST_JSON_BYTES = 32 * 2**20
 """Python's objects take up to some 25 times the bytes of their JSON."""
@@ -141,6 +144,25 @@ def read_bytes(path: str | Path, what: str, most_bytes: int, hint: str | None = 
         problem = f"too long for {what} (over {most_bytes} bytes)"
         raise InputFileError(path, problem, hint=hint)
     return data
+
+
+def open_array(path: Path, what: str, hint: str | None = None) -> NDArray[Any]:
+    """An array that ``numpy.save`` wrote, by memory map.
+
+    Raises:
+        InputFileError: Absent, no regular file, of Python's objects, or not as its header says.
+    """
+    import numpy as np  # by a command line that has a typo it is not waited for
+
+    with understood(path, what, hint), open_file(path, hint) as file:
+        # Later versions are for headers of more than 64 KB, and claim their length unchecked.
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise InputFileError(path, f"is not {what}: its header is no array's", hint=hint)
+        shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(file)
+        order: Literal["F", "C"] = "F" if is_fortran else "C"
+        if dtype.hasobject:
+            raise InputFileError(path, f"is not {what}: it holds Python's objects", hint=hint)
+        return np.memmap(file, dtype, "r", file.tell(), shape, order)
 
 
 def read_json(

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech.judges.phase_classifier.frozen import WRIST_ROLES, FrozenPhaseClassifier
+from cospeech.judges.phase_classifier.network import PhaseFeatures, PhaseNetwork, PhaseSizes
 from cospeech.methods.multi_adversary import MultiAdversary
-from cospeech.nn.phase_classifier import WRIST_ROLES, FrozenPhaseClassifier
-from cospeech.nn.phase_network import PhaseFeatures, PhaseNetwork, PhaseSizes
 from cospeech.speech.audio import load_audio
 from cospeech.speech.speech import Speech
 from tests import command_line

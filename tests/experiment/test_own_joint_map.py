@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cospeech.formats.phase_files.writing import write_phase_table
-from cospeech.methods.phase_classifier.__main__ import main as phase_classifier
+from cospeech.judges.phase_classifier.__main__ import main as phase_classifier
 from cospeech.motion.phases import PhaseSegment
 from tests import command_line
 

@@ -12,7 +12,7 @@ from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.experiment import run, training
 from cospeech.experiment.context import RunInterrupted
-from cospeech.methods.motion_autoencoder import MotionAutoencoder
+from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import save_encoder
 from cospeech.reporting.record import RunRecord, write_json

@@ -43,7 +43,7 @@ def _encoder(path: Path) -> None:
 
 
 def _phase_classifier(path: Path) -> None:
-    from cospeech.nn.phase_classifier import FrozenPhaseClassifier
+    from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 
     FrozenPhaseClassifier.load(path)
 
@@ -80,7 +80,7 @@ def _matching_database(path: Path) -> None:
 
 
 def _pairs(path: Path) -> None:
-    from cospeech.methods.knn_cgan.pairs import PairSettings, open_pairs
+    from cospeech.methods.motion_matching.refinement.pairs import PairSettings, open_pairs
 
     open_pairs(path.parent, seeds.PAIRS_MADE_BY, PairSettings(frames=8))
 
@@ -220,7 +220,7 @@ READERS: dict[str, Reader] = {
     "checkpoint": Reader(_checkpoint, seeds.checkpoints, ("nn.weights_file",)),
     "encoder": Reader(_encoder, seeds.encoders, ("metrics.encoder.files",)),
     "phase classifier": Reader(
-        _phase_classifier, seeds.phase_classifiers, ("nn.phase_classifier",)
+        _phase_classifier, seeds.phase_classifiers, ("judges.phase_classifier.frozen",)
     ),
     "published trimodal": Reader(
         _published_trimodal, seeds.published_trimodal, ("methods.trimodal.published",)
@@ -230,7 +230,7 @@ READERS: dict[str, Reader] = {
     "matching database": Reader(
         _matching_database, seeds.matching_databases, ("matching.database",)
     ),
-    "pairs": Reader(_pairs, seeds.pairs, ("methods.knn_cgan.pairs",)),
+    "pairs": Reader(_pairs, seeds.pairs, ("methods.motion_matching.refinement.pairs",)),
     "product of a stage": Reader(_product, seeds.products, ("methods.multi_adversary.products",)),
     "reference rows": Reader(
         _reference_rows,
@@ -286,7 +286,7 @@ NO_READERS = {
     "doctor.reading": "opens what the readers above open",
     "formats.mocap.reading": "opens what the readers above open",
     "formats.mocap.side_files": "opens what the readers above open",
-    "methods.knn_cgan.pair_windows": "windows of an open store",
+    "methods.motion_matching.refinement.pair_windows": "windows of an open store",
     "methods.trimodal.style": "no file",
     "speech.espeak": "what a process of ours says",
     "speech.tts": "what a process of ours says",

@@ -84,8 +84,8 @@ def encoders(folder: Path) -> list[Path]:
 def phase_classifiers(folder: Path) -> list[Path]:
     import torch
 
-    from cospeech.nn.phase_classifier import FrozenPhaseClassifier
-    from cospeech.nn.phase_network import PhaseFeatures, PhaseNetwork, PhaseSizes
+    from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+    from cospeech.judges.phase_classifier.network import PhaseFeatures, PhaseNetwork, PhaseSizes
 
     torch.manual_seed(0)
     features = PhaseFeatures(2, True)
@@ -145,7 +145,7 @@ PAIRS_MADE_BY = {"database": "0" * 64, "settings": {"frames": 8}}
 
 
 def pairs(folder: Path) -> list[Path]:
-    from cospeech.methods.knn_cgan.pairs import Pairs, PairSettings, write_pairs
+    from cospeech.methods.motion_matching.refinement.pairs import Pairs, PairSettings, write_pairs
 
     shutil.rmtree(folder / "pairs", ignore_errors=True)
     made = Pairs(
@@ -317,7 +317,7 @@ def records(folder: Path) -> list[Path]:
         "ablation": "full",
         "seed": 0,
         "created": "2026-01-01T00:00:00+00:00",
-        "config": {"model": {"_target_": "cospeech.methods.knn.KnnSearch"}, "seed": 0},
+        "config": {"model": {"_target_": "cospeech.methods.motion_matching.KnnSearch"}, "seed": 0},
         "epochs": [{"epoch": 0, "val/fgd": 3.5}],
         "results": {"recordings": {"fgd": 3.5}, "references": {"noise": {"fgd": 1.0}}},
     }

@@ -11,6 +11,9 @@ from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.synthetic import synthesise
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+from cospeech.judges.phase_classifier.network import PhaseFeatures, PhaseNetwork, PhaseSizes
+from cospeech.judges.phase_classifier.step_sequences import step_sequences
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.encoder.network import PoseAutoencoder
@@ -18,9 +21,6 @@ from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.velocities import body_positions
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
-from cospeech.nn.phase_network import PhaseFeatures, PhaseNetwork, PhaseSizes
-from cospeech.nn.step_sequences import step_sequences
 from cospeech.studies.gestures import TrainedSystem, multi_adversary_figures
 from cospeech.studies.gestures.held_out import held_out_part, training_mean_pose
 from cospeech.studies.gestures.systems import in_paper_order, label_joints

@@ -13,8 +13,8 @@ from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.building import build, require_same
 from cospeech.experiment.finished_run import CHECKPOINTS, FinishedRun, open_run
 from cospeech.experiment.judging_again import corpus_of, encoder_of
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.base import HasSchedule
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.reporting.collect import collect
 from cospeech.studies.gestures.systems import MakesJoints, TrainedSystem
 

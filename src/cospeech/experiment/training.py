@@ -33,8 +33,8 @@ from cospeech.experiment.stopping import (
     end_with_the_first_process,
     stopped_like_ctrl_c,
 )
+from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.base import GestureMethod
-from cospeech.methods.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
 from cospeech.nn.checkpoints import LAST, is_kept
 from cospeech.quoting import setting

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
-from cospeech.foreign import open_file, read_json, require_no_pipe, understood
+from cospeech.foreign import open_array, open_file, read_json, understood
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
 from cospeech.speech.feature_sets.sphinx import sphinx_features
 
@@ -288,8 +288,7 @@ def check_database(folder: Path | str) -> None:
 def _open_array(folder: Path, name: str, facts: dict[str, Any]) -> NDArray[Any]:
     path = folder / f"{name}.npy"
     with understood(path, "an array of a matching database", _REBUILD):
-        require_no_pipe(path)
-        values: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        values = open_array(path, "an array of a matching database", _REBUILD)
         if list(values.shape) != facts["shape"] or values.dtype.name != facts["dtype"]:
             found = f"{values.dtype.name} {list(values.shape)}"
             problem = f"holds {found} where the manifest says {facts['dtype']} {facts['shape']}"

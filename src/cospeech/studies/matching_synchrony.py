@@ -11,8 +11,8 @@ import torch
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.methods.base import GestureMethod
-from cospeech.methods.knn import MotionMatching
-from cospeech.methods.matched import K_NN, MatchedMethod
+from cospeech.methods.motion_matching import MotionMatching
+from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY

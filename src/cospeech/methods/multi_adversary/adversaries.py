@@ -11,14 +11,14 @@ from torch import Tensor, nn
 from cospeech.adversarial.adversary import Adversary
 from cospeech.adversarial.losses import NON_SATURATING
 from cospeech.errors import ConfigError
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+from cospeech.judges.phase_classifier.network import PhaseFeatures
 from cospeech.methods.multi_adversary.networks import (
     MinibatchDiscriminator,
     SequenceDiscriminator,
 )
 from cospeech.methods.multi_adversary.scales import ACOUSTICS, Scales
 from cospeech.motion.gesture_joints import GestureJoints
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
-from cospeech.nn.phase_network import PhaseFeatures
 
 AdversaryName = Literal["phase", "motion", "minibatch", "displacement"]
 Labels = Literal["soft", "hard"]

@@ -12,6 +12,7 @@ from torch import Tensor, distributed
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import CospeechError
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.base import GestureMethod, refuse_unknown
 from cospeech.methods.multi_adversary.adversaries import classified
 from cospeech.methods.multi_adversary.judging import Tally
@@ -28,7 +29,6 @@ from cospeech.methods.multi_adversary.synthesis import (
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.speech.speech import Speech
 
 BEFORE_ADVERSARIAL = 1e9

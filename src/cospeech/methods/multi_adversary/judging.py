@@ -9,12 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor, distributed
 
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.metrics.gesture_statistics.wrists import (
     area_between,
     median_curve,
     wrist_velocities,
 )
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 
 
 class Tally:

@@ -7,12 +7,12 @@ from typing import Any
 
 from torch import nn
 
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.multi_adversary.adversaries import Views
 from cospeech.methods.multi_adversary.history import WeightHistory, on_cpu
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.products import Products, product_key, tensors_hash
 from cospeech.methods.multi_adversary.stages import Stage
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 
 DEPENDS_ON: dict[Stage, tuple[str, ...]] = {
     "classifier": (

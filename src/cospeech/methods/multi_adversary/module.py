@@ -13,6 +13,8 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError
+from cospeech.judges.phase_classifier.frozen import WINDOW_FRAMES
+from cospeech.judges.phase_classifier.network import STEP_FPS, PhaseSizes
 from cospeech.methods.multi_adversary.adversaries import (
     Labels,
     Views,
@@ -40,8 +42,6 @@ from cospeech.methods.multi_adversary.synthesis import (
 from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.phases import PHASE_MERGES
 from cospeech.motion.skeleton import Skeleton
-from cospeech.nn.phase_classifier import WINDOW_FRAMES
-from cospeech.nn.phase_network import STEP_FPS, PhaseSizes
 
 PAPER_WEIGHTS = {"phase": 2.0, "motion": 4.0, "minibatch": 4.0, "displacement": 1.0}
 """The adversaries' weights in the paper, equation 3."""

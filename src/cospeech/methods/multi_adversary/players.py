@@ -11,13 +11,13 @@ from torch import Tensor, nn
 
 from cospeech.adversarial.adversary import Adversary
 from cospeech.corpus.batch import GestureBatch
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+from cospeech.judges.phase_classifier.network import PhaseFeatures, PhaseNetwork, PhaseSizes
 from cospeech.methods.multi_adversary.adversaries import build_adversary
 from cospeech.methods.multi_adversary.networks import Generator
 from cospeech.methods.multi_adversary.scales import ACOUSTICS, Scales
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.phases import PhaseMerge
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
-from cospeech.nn.phase_network import PhaseFeatures, PhaseNetwork, PhaseSizes
 
 
 class PhaseStudent(nn.Module):

@@ -13,6 +13,7 @@ from cospeech.corpus.step_windows import StepWindows, split_windows
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import ServesWindows, WindowLoader
 from cospeech.errors import ConfigError
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.multi_adversary.adversaries import Views
 from cospeech.methods.multi_adversary.generation import GeneratesGestures
 from cospeech.methods.multi_adversary.history import WeightHistory
@@ -20,7 +21,6 @@ from cospeech.methods.multi_adversary.keeping import DEPENDS_ON, StageProducts, 
 from cospeech.methods.multi_adversary.products import tensors_hash
 from cospeech.methods.multi_adversary.stages import STAGES, Curriculum, Progress, Schedule, Stage
 from cospeech.motion.phases import PhaseMerge
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 
 logger = logging.getLogger(__name__)
 

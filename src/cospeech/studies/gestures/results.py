@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from cospeech.corpus.store import Store
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.gesture_statistics.findings import Verdict
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemStatistics
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.studies.gestures.held_out import FPS, FRAMES, HeldOut
 from cospeech.studies.gestures.systems import TrainedSystem, in_paper_order
 

@@ -15,6 +15,7 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.gesture_statistics.findings import judge
 from cospeech.metrics.gesture_statistics.measuring import measure_systems
@@ -25,7 +26,6 @@ from cospeech.metrics.gesture_statistics.phase_structure import (
 )
 from cospeech.metrics.gesture_statistics.systems import REAL, Setting, SystemMotion
 from cospeech.motion.gesture_joints import gesture_joints
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
 from cospeech.reporting.gesture_figures import GestureFigures, text_table, write_gesture_figures
 from cospeech.reporting.record import write_json
 from cospeech.studies.gestures.held_out import (

@@ -14,13 +14,13 @@ from torch import Tensor
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.errors import CospeechError
+from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+from cospeech.judges.phase_classifier.step_sequences import centred
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics.gesture_statistics.findings import PAPER_SYSTEMS
 from cospeech.metrics.gesture_statistics.systems import SystemMotion
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.motion import Motion
-from cospeech.nn.phase_classifier import FrozenPhaseClassifier
-from cospeech.nn.step_sequences import centred
 from cospeech.progress import progress_bar
 from cospeech.speech.speech import Speech
 from cospeech.studies.gestures.held_out import FPS, FRAMES, HeldOut

@@ -1,0 +1,1 @@
+"""What judges motion and is trained for it: the motion auto-encoder and the phase classifier."""

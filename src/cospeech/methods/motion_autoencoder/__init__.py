@@ -1,5 +1,0 @@
-"""The motion auto-encoder whose latent space the Fréchet gesture distance is measured in."""
-
-from cospeech.methods.motion_autoencoder.module import MotionAutoencoder
-
-__all__ = ["MotionAutoencoder"]

@@ -1,0 +1,101 @@
+"""Motion matching as a method: nothing is trained, a database is fitted."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import torch
+from lightning.pytorch.core.optimizer import LightningOptimizer
+from numpy.typing import NDArray
+from torch import nn
+
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.facts import CorpusFacts
+from cospeech.matching.control import Controls
+from cospeech.matching.features import MatchingSpec
+from cospeech.matching.reference import STEP_FRAMES, Preselect
+from cospeech.matching.seams import Seam
+from cospeech.matching.synthesis import InitialPose, MatchingSettings
+from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
+from cospeech.speech.speech import Speech
+
+
+class MotionMatching(MatchedMethod):
+    """k-NN search over recorded motion, by pose and by sound (Habibie et al. 2022, section 3.1).
+
+    Training is fitting the database; epochs do nothing but be judged.
+
+    Args:
+        corpus: Where the store is, and its speakers.
+        preselect: By what each sequence's candidate is found: ``"pose"``, ``"audio"`` or
+            ``"pose_only"``, which hears nothing.
+        step_frames: Frames that each search adds.
+        k: Which candidate is taken, from 1.
+        start_offset: 1 leaves out the frame that is like the one before.
+        natural_continuation: Offer what goes on from the window before.
+        initial_pose: ``"random"``: near a random frame; ``"mean"``: near the mean pose.
+        seam: ``"cut"``, ``"crossfade"`` or ``"inertialise"`` (`cospeech.matching.seams`).
+        true_future: See `MatchingSpec`.
+        chunk_frames: Length of the database's sequences.
+        same_speaker: Use the motion of one speaker at a time.
+        database: Folder of a database, in place of the corpus's own.
+
+    Raises:
+        ConfigError: A value that is out of its range or not among the choices.
+    """
+
+    def __init__(
+        self,
+        corpus: CorpusFacts,
+        preselect: Preselect = "pose",
+        step_frames: int = STEP_FRAMES,
+        k: int = 1,
+        start_offset: int = 0,
+        natural_continuation: bool = False,
+        initial_pose: InitialPose = "random",
+        seam: Seam = "cut",
+        true_future: bool = False,
+        chunk_frames: int = 64,
+        same_speaker: bool = True,
+        database: str | None = None,
+    ) -> None:
+        super().__init__(
+            corpus,
+            MatchingSpec(chunk_frames=chunk_frames, true_future=true_future),
+            MatchingSettings(
+                preselect,
+                step_frames,
+                k,
+                start_offset,
+                natural_continuation,
+                initial_pose,
+                seam,
+            ),
+            same_speaker,
+            database,
+        )
+        self.save_hyperparameters(logger=False)
+        # Lightning saves no checkpoint before an optimizer has stepped, so steps are counted by
+        # one.
+        self.steps_counted = nn.Parameter(torch.zeros(()))
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Counts steps."""
+        return torch.optim.SGD([self.steps_counted], lr=1.0)
+
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> None:
+        """Count the step."""
+        optimizer = cast(LightningOptimizer, self.optimizers())
+        self.steps_counted.grad = torch.full_like(self.steps_counted, -1.0)
+        optimizer.step()
+
+    def stages(
+        self,
+        speech: Speech,
+        controls: Controls | None,
+        generator: torch.Generator,
+        speaker: str | None = None,
+    ) -> dict[str, NDArray]:
+        """The search's output, under its name."""
+        closed = self.closed_sequences(speaker, generator)
+        return {K_NN: self.matcher(speech, controls, generator, closed).poses}

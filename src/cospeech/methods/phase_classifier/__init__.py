@@ -1,5 +1,0 @@
-"""The gesture phase classifier of the multi-adversary method."""
-
-from cospeech.methods.phase_classifier.module import PhaseClassifier
-
-__all__ = ["PhaseClassifier"]
