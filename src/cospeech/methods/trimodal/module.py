@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, ClassVar, Literal, cast, get_args
 
 import torch
@@ -42,6 +43,8 @@ from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
 from cospeech.speech.vocabulary import Vocabulary
 from cospeech.speech.word_vectors import load_word_vectors
+from cospeech.training.losses import WeighedLosses
+from cospeech.training.steps import descend, log_losses
 
 logger = logging.getLogger(__name__)
 
@@ -235,44 +238,36 @@ class Trimodal(GestureMethod):
         speech = self._encode_speech(batch)
         z, posterior = self.generator.draw_style(speakers, self._style_noise(len(batch)))
         poses = self.generator.decode(seed_poses, speech, z)
-        logs = {}
+        losses, logs = WeighedLosses(), dict[str, Tensor]()
 
         if playing:
             own_loss = self.adversary.own_loss(target, poses)
-            discriminator_optimizer.zero_grad()
-            self.manual_backward(own_loss)
-            discriminator_optimizer.step()
-            logs["train/discriminator"] = own_loss
+            descend(self, discriminator_optimizer, own_loss)
+            logs["discriminator"] = own_loss
 
-        huber = reconstruction_loss(poses, target)
-        loss = self.huber_weight * huber
-        logs["train/huber"] = huber
+        losses.add("huber", self.huber_weight, partial(reconstruction_loss, poses, target))
         # Evaluated in every epoch, as published: it moves the discriminator's running statistics.
-        felt = playing and self.adversary.weight > 0
-        with torch.set_grad_enabled(felt):
-            adversarial = self.adversary.generator_loss(poses if felt else poses.detach())
-        if felt:
-            loss = loss + self.adversary.weight * adversarial
-        logs["train/adversarial"] = adversarial
+        losses.add(
+            "adversarial",
+            self.adversary.weight if playing else 0,
+            partial(self.adversary.generator_loss, poses),
+        )
         if z is not None:
-            felt = self.diversity_weight > 0
-            with torch.set_grad_enabled(felt):
-                diversity = self._diversity(poses, seed_poses, speech, z, speakers)
-                logs["train/diversity"] = diversity
-                if felt:
-                    loss = loss + self.diversity_weight * diversity
-            if posterior is not None:
-                kld = style_divergence(posterior.mu, posterior.logvar)
-                logs["train/kld"] = kld
-                if felt and self.kld_weight > 0:
-                    loss = loss + self.kld_weight * kld
-        generator_optimizer.zero_grad()
-        self.manual_backward(loss)
-        generator_optimizer.step()
-        logs["train/loss"] = loss
-        losses = {name: value.detach() for name, value in logs.items()}
-        self.log_dict(losses, on_step=False, on_epoch=True, batch_size=len(batch), sync_dist=True)
-        return losses
+            losses.add(
+                "diversity",
+                self.diversity_weight,
+                partial(self._diversity, poses, seed_poses, speech, z, speakers),
+            )
+        if posterior is not None:
+            losses.add(
+                "kld",
+                self.kld_weight if self.diversity_weight > 0 else 0,
+                partial(style_divergence, posterior.mu, posterior.logvar),
+            )
+        if losses.total is not None:
+            descend(self, generator_optimizer, losses.total)
+            logs["loss"] = losses.total
+        return log_losses(self, logs | losses.values, len(batch))
 
     def _diversity(
         self, poses: Tensor, seed_poses: Tensor, speech: Tensor, z: Tensor, speakers: Tensor

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import logging
+from functools import partial
 from pathlib import Path
 from typing import ClassVar, cast, get_args
 
@@ -41,6 +42,8 @@ from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.skeleton import Skeleton
 from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_features, with_slopes
 from cospeech.speech.speech import Speech
+from cospeech.training.losses import WeighedLosses
+from cospeech.training.steps import descend, log_losses
 
 logger = logging.getLogger(__name__)
 
@@ -265,41 +268,41 @@ class RefinedMotionMatching(MatchedMethod):
             refined = self.generator(speech, matched)
         heard_real = torch.cat([speech, real], dim=2)
         heard_refined = torch.cat([speech, refined], dim=2)
-        logs: dict[str, Tensor] = {}
+        critic, generator = WeighedLosses(), WeighedLosses()
 
-        critic = self.adversary.own_loss(heard_real, heard_refined)
-        loss = critic
+        critic.add("critic", 1, partial(self.adversary.own_loss, heard_real, heard_refined))
         if self.penalty_weight > 0:
-            penalty = gradient_penalty(
-                self.adversary.discriminator, heard_real, heard_refined, self.penalty_at
+            critic.add(
+                "penalty",
+                self.penalty_weight,
+                partial(
+                    gradient_penalty,
+                    self.adversary.discriminator,
+                    heard_real,
+                    heard_refined,
+                    self.penalty_at,
+                ),
             )
-            loss = loss + self.penalty_weight * penalty
-            logs["train/penalty"] = penalty
-        critic_optimizer.zero_grad()
-        self.manual_backward(loss)
-        critic_optimizer.step()
-        logs["train/critic"] = critic
+        descend(self, critic_optimizer, critic.total)
 
         if moves:
-            felt = self.adversary.weight > 0
-            with torch.set_grad_enabled(felt):
-                adversarial = self.adversary.generator_loss(heard_refined)
-            reconstruction = reconstruction_loss(matched, refined)
-            loss = self.reconstruction_weight * reconstruction
-            if felt:
-                loss = loss + self.adversary.weight * adversarial
-            generator_optimizer.zero_grad()
-            self.manual_backward(loss)
-            generator_optimizer.step()
+            generator.add(
+                "reconstruction",
+                self.reconstruction_weight,
+                partial(reconstruction_loss, matched, refined),
+            )
+            generator.add(
+                "adversarial",
+                self.adversary.weight,
+                partial(self.adversary.generator_loss, heard_refined),
+            )
+            descend(self, generator_optimizer, generator.total)
             self._average()
-            logs |= {"train/adversarial": adversarial, "train/reconstruction": reconstruction}
         self.updates_done += 1
         if self.steps_left == 0:
             logger.info("all %d critic updates are done", self.critic_updates)
             self.trainer.should_stop = True
-        losses = {name: value.detach() for name, value in logs.items()}
-        self.log_dict(losses, on_step=False, on_epoch=True, batch_size=len(batch), sync_dist=True)
-        return losses
+        return log_losses(self, critic.values | generator.values, len(batch))
 
     @torch.no_grad()
     def _average(self) -> None:
