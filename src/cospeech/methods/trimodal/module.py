@@ -13,7 +13,7 @@ from lightning.pytorch.core.optimizer import LightningOptimizer
 from torch import Tensor, nn
 
 from cospeech.adversarial.adversary import Adversary
-from cospeech.adversarial.losses import NON_SATURATING
+from cospeech.adversarial.losses import ON_PROBABILITIES, chosen_losses
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
@@ -84,6 +84,7 @@ class Trimodal(GestureMethod):
             ``load_from_checkpoint(path, word_vectors=...)`` names it anew.
         huber_weight: Weight of the reconstruction loss.
         adversarial_weight: Weight of the adversarial loss.
+        adversarial_loss: Its name among `cospeech.adversarial.losses.ON_PROBABILITIES`.
         diversity_weight: Weight of the diversity loss; 0 switches the KLD off too, as published.
         kld_weight: Weight of the KL divergence of the style space.
         adversarial_start_epoch: First epoch, counted from 0, with the adversary (the code compares
@@ -125,6 +126,7 @@ class Trimodal(GestureMethod):
         word_vectors: str | None = None,
         huber_weight: float = 500.0,
         adversarial_weight: float = 5.0,
+        adversarial_loss: str = "non_saturating",
         diversity_weight: float = 0.05,
         kld_weight: float = 0.1,
         adversarial_start_epoch: int = 11,
@@ -197,7 +199,7 @@ class Trimodal(GestureMethod):
             ConvDiscriminator(
                 self.window.frames, dropout=dropout, corrected_activations=corrected_activations
             ),
-            NON_SATURATING,
+            chosen_losses(adversarial_loss, ON_PROBABILITIES, "model.adversarial_loss"),
             weight=adversarial_weight,
             start_epoch=adversarial_start_epoch,
         )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from cospeech.adversarial.adversary import Adversary
+from cospeech.adversarial.losses import ON_SCORES, chosen_losses
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.store import Store
@@ -29,7 +30,6 @@ from cospeech.matching.synthesis import InitialPose, MatchingSettings
 from cospeech.matching.tracks import HEAD_ROLES
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.methods.motion_matching.refinement.losses import (
-    WASSERSTEIN,
     PenaltyPoints,
     gradient_penalty,
     reconstruction_loss,
@@ -83,6 +83,7 @@ class RefinedMotionMatching(MatchedMethod):
         critic_width: Channels of the critic's first convolutions.
         reconstruction_weight: Of the distance from what was matched.
         adversarial_weight: Of the critic's verdict.
+        adversarial_loss: Name among `cospeech.adversarial.losses.ON_SCORES`.
         penalty_weight: Of the gradient penalty.
         penalty_at: ``"interpolates"``, or ``"generated"`` as equation 2 is printed.
         critic_updates: Length of the training (the published 300,000 iterations).
@@ -127,6 +128,7 @@ class RefinedMotionMatching(MatchedMethod):
         critic_width: int = 512,
         reconstruction_weight: float = 0.1,
         adversarial_weight: float = 1.0,
+        adversarial_loss: str = "wasserstein",
         penalty_weight: float = 100.0,
         penalty_at: PenaltyPoints = "interpolates",
         critic_updates: int = 300_000,
@@ -195,7 +197,7 @@ class RefinedMotionMatching(MatchedMethod):
         self.averaged = copy.deepcopy(self.generator).requires_grad_(False)
         self.adversary = Adversary(
             Critic(SPEECH_CHANNELS + numbers, self.window.frames, critic_width),
-            WASSERSTEIN,
+            chosen_losses(adversarial_loss, ON_SCORES, "model.adversarial_loss"),
             weight=adversarial_weight,
             start_epoch=0,
         )
