@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -21,17 +22,18 @@ class WeighedLosses:
         self.values: dict[str, Tensor] = {}
         self.total: Tensor | None = None
 
-    def add(self, name: str, weight: float, evaluate: Callable[[], Tensor]) -> None:
+    def add(self, name: str, weight: float, loss: Callable[..., Tensor], *inputs: Any) -> None:
         """Evaluate a loss, without gradient where its weight is 0.
 
         Args:
             name: Under which it is logged.
             weight: Its factor in the total, at least 0.
-            evaluate: Gives the scalar.
+            loss: Gives the scalar.
+            inputs: Of ``loss``.
         """
         is_felt = weight > 0
         with torch.set_grad_enabled(is_felt):
-            loss = self.values[name] = evaluate()
+            value = self.values[name] = loss(*inputs)
         if is_felt:
-            weighed = weight * loss
+            weighed = weight * value
             self.total = weighed if self.total is None else self.total + weighed

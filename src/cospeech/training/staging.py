@@ -36,11 +36,11 @@ class TrainsInStages(LightningModule):
 
     product_settings: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
-    products: Products
+    products: Products = Products(None)
     schedule: Schedule
     progress: Progress
-    done: frozenset[str]
-    seed: int
+    done: frozenset[str] = frozenset()
+    seed: int = 0
     training_facts: dict[str, Any] | None = None
 
     @abstractmethod
@@ -115,10 +115,11 @@ class TrainsInStages(LightningModule):
     def finish_step(self) -> None:
         """Count a step; when the stage is complete, write its product and go on to the next."""
         stage = self.progress.stage
-        number = float(self.schedule.number(stage))
-        self.log(
-            "train/stage", number, on_step=False, on_epoch=True, prog_bar=True, reduce_fx="max"
-        )
+        if len(self.schedule.names) > 1:
+            number = float(self.schedule.number(stage))
+            self.log(
+                "train/stage", number, on_step=False, on_epoch=True, prog_bar=True, reduce_fx="max"
+            )
         self.progress = self.progress.after_step()
         length = self.schedule.lengths[stage]
         left = self.open_ended_steps()[stage] if length is None else length - self.progress.step

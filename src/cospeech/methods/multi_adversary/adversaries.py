@@ -15,10 +15,7 @@ from torch import Tensor, nn
 from cospeech.adversarial.settings import AdversarySettings, SettableAdversary
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.judges.phase_classifier.network import PhaseFeatures
-from cospeech.methods.multi_adversary.networks import (
-    MinibatchDiscriminator,
-    SequenceDiscriminator,
-)
+from cospeech.methods.multi_adversary.networks import MinibatchDiscriminator, SequenceDiscriminator
 from cospeech.methods.multi_adversary.scales import ACOUSTICS, Scales
 from cospeech.motion.gesture_joints import GestureJoints
 

@@ -16,25 +16,13 @@ from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError
 from cospeech.judges.phase_classifier.frozen import WINDOW_FRAMES
 from cospeech.judges.phase_classifier.network import STEP_FPS, PhaseSizes
-from cospeech.methods.multi_adversary.adversaries import (
-    ADVERSARIES,
-    Labels,
-    Views,
-    WindowAdversary,
-)
-from cospeech.methods.multi_adversary.curriculum import (
-    Curriculum,
-    CurriculumRules,
-    snapshot_steps,
-)
+from cospeech.methods.multi_adversary.adversaries import ADVERSARIES, Labels, Views, WindowAdversary
+from cospeech.methods.multi_adversary.curriculum import Curriculum, CurriculumRules, snapshot_steps
 from cospeech.methods.multi_adversary.history import WeightHistory
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.staging import STAGES, GoesThroughStages
 from cospeech.methods.multi_adversary.steps import Logs, StageSteps, StepSettings
-from cospeech.methods.multi_adversary.synthesis import (
-    LongForm,
-    head_offsets,
-)
+from cospeech.methods.multi_adversary.synthesis import LongForm, head_offsets
 from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.phases import PHASE_MERGES
 from cospeech.motion.skeleton import Skeleton
@@ -235,7 +223,6 @@ class MultiAdversary(GoesThroughStages):
         )
         self.curriculum = Curriculum()
         self.progress = Progress(self.schedule.first())
-        self.done = frozenset()
 
     def _optimizers(self) -> dict[str, tuple[type, nn.Module, float]]:
         """Kind, network and rate by name.

@@ -13,11 +13,7 @@ from torch import Tensor, nn
 from cospeech.corpus.batch import GestureBatch
 from cospeech.methods.multi_adversary.adversaries import Views
 from cospeech.methods.multi_adversary.history import WeightHistory
-from cospeech.methods.multi_adversary.losses import (
-    continuity_loss,
-    finger_loss,
-    finger_offsets,
-)
+from cospeech.methods.multi_adversary.losses import continuity_loss, finger_loss, finger_offsets
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.training.losses import WeighedLosses
 from cospeech.training.stages import Progress
@@ -164,11 +160,8 @@ class StageSteps:
         sum_of_weights = sum(adversary.weight for adversary in adversaries.values()) or 1
         against = WeighedLosses()
         for name, adversary in adversaries.items():
-            against.add(
-                f"{name}_adversarial",
-                adversary.weight / sum_of_weights,
-                partial(self._play, name, poses, generated, batch, logs),
-            )
+            weight, shown = adversary.weight / sum_of_weights, (name, poses, generated, batch)
+            against.add(f"{name}_adversarial", weight, self._play, *shown, logs)
         logs |= against.values
         if against.total is not None:
             self._descend("generator", against.total)
@@ -191,15 +184,13 @@ class StageSteps:
         """The objective step: MSE, continuity and finger distance (section 7.2)."""
         generated = self.players.generator(speech)
         settings, losses = self.settings, WeighedLosses()
-        losses.add("mse", 1, partial(nn.functional.mse_loss, generated, poses))
+        losses.add("mse", 1, nn.functional.mse_loss, generated, poses)
         losses.add(
-            "continuity",
-            settings.continuity_weight,
-            partial(continuity_loss, generated, settings.run),
+            "continuity", settings.continuity_weight, continuity_loss, generated, settings.run
         )
         scales = self.players.scales
         if scales.finger_tips:
-            losses.add("fingers", settings.finger_weight, partial(self._fingers, generated, poses))
+            losses.add("fingers", settings.finger_weight, self._fingers, generated, poses)
         assert losses.total is not None
         self._descend("correction", losses.total)
         return {**losses.values, "correction": losses.total}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from typing import Any, ClassVar, Literal, cast, get_args
 
 import torch
@@ -20,17 +19,8 @@ from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
-from cospeech.methods.trimodal.losses import (
-    diversity_loss,
-    reconstruction_loss,
-    style_divergence,
-)
-from cospeech.methods.trimodal.networks import (
-    Context,
-    ConvDiscriminator,
-    Generator,
-    Style,
-)
+from cospeech.methods.trimodal.losses import diversity_loss, reconstruction_loss, style_divergence
+from cospeech.methods.trimodal.networks import Context, ConvDiscriminator, Generator, Style
 from cospeech.methods.trimodal.synthesis import (
     Synthesiser,
     SynthesisOptions,
@@ -247,25 +237,16 @@ class Trimodal(GestureMethod):
             descend(self, discriminator_optimizer, own_loss)
             logs["discriminator"] = own_loss
 
-        losses.add("huber", self.huber_weight, partial(reconstruction_loss, poses, target))
+        losses.add("huber", self.huber_weight, reconstruction_loss, poses, target)
         # Evaluated in every epoch, as published: it moves the discriminator's running statistics.
-        losses.add(
-            "adversarial",
-            self.adversary.weight if playing else 0,
-            partial(self.adversary.generator_loss, poses),
-        )
+        weight = self.adversary.weight if playing else 0
+        losses.add("adversarial", weight, self.adversary.generator_loss, poses)
         if z is not None:
-            losses.add(
-                "diversity",
-                self.diversity_weight,
-                partial(self._diversity, poses, seed_poses, speech, z, speakers),
-            )
+            shown = (poses, seed_poses, speech, z, speakers)
+            losses.add("diversity", self.diversity_weight, self._diversity, *shown)
         if posterior is not None:
-            losses.add(
-                "kld",
-                self.kld_weight if self.diversity_weight > 0 else 0,
-                partial(style_divergence, posterior.mu, posterior.logvar),
-            )
+            weight = self.kld_weight if self.diversity_weight > 0 else 0
+            losses.add("kld", weight, style_divergence, posterior.mu, posterior.logvar)
         if losses.total is not None:
             descend(self, generator_optimizer, losses.total)
             logs["loss"] = losses.total

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import copy
-import logging
-from functools import partial
 from pathlib import Path
-from typing import ClassVar, cast, get_args
+from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
 import torch
@@ -43,9 +41,9 @@ from cospeech.motion.skeleton import Skeleton
 from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_features, with_slopes
 from cospeech.speech.speech import Speech
 from cospeech.training.losses import WeighedLosses
+from cospeech.training.stages import Progress, Schedule
+from cospeech.training.staging import TrainsInStages
 from cospeech.training.steps import descend, log_losses
-
-logger = logging.getLogger(__name__)
 
 REFINED = "k-NN + cGAN"
 """Name of the stage that is the refinement's output."""
@@ -54,7 +52,7 @@ SPEECH_CHANNELS = 2 * STATIC_CHANNELS
 """Cepstra, energy, and the changes of both."""
 
 
-class RefinedMotionMatching(MatchedMethod):
+class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     """k-NN search, then a cGAN that makes its output like real motion to the same speech.
 
     The first training step finds the database and the training pairs ready: they are made before,
@@ -105,8 +103,6 @@ class RefinedMotionMatching(MatchedMethod):
 
     needs = frozenset({"positions", "joints", "matched", "cepstra", "speakers"})
     monitor: ClassVar[str] = "val/selection"
-
-    updates_done: Tensor
 
     def __init__(
         self,
@@ -186,7 +182,6 @@ class RefinedMotionMatching(MatchedMethod):
         self.pairs_seed = pairs_seed
         self.reconstruction_weight = reconstruction_weight
         self.penalty_weight, self.penalty_at = penalty_weight, penalty_at
-        self.critic_updates = critic_updates
         self.critic_updates_per_generator = critic_updates_per_generator
         self.learning_rate, self.betas, self.weight_decay = learning_rate, betas, weight_decay
         self.averaging = averaging
@@ -201,7 +196,8 @@ class RefinedMotionMatching(MatchedMethod):
             weight=adversarial_weight,
             start_epoch=0,
         )
-        self.register_buffer("updates_done", torch.zeros((), dtype=torch.int64))
+        self.schedule = Schedule(("refinement",), {"refinement": critic_updates})
+        self.progress = Progress("refinement")
 
     # Training ------------------------------------------------------------------------------
 
@@ -221,29 +217,14 @@ class RefinedMotionMatching(MatchedMethod):
             self.matching.k,
         )
 
-    def on_train_start(self) -> None:
-        """Take the statistics of the training motion; a resumed run has them."""
-        if self.updates_done == 0:
-            loader = self.trainer.train_dataloader
-            assert isinstance(loader, WindowLoader)
-            assert isinstance(loader.dataset, PairWindows)
-            windows = loader.dataset
-            self.scales.fit(torch.from_numpy(windows.joints), torch.from_numpy(windows.cepstra))
-
-    @property
-    def steps_left(self) -> int:
-        """Critic updates to the end of the schedule."""
-        return max(0, self.critic_updates - int(self.updates_done))
-
-    @property
-    def in_last_stage(self) -> bool:
-        """There is one stage."""
-        return True
-
-    def on_train_epoch_start(self) -> None:
-        """A finished training that is resumed has nothing to do."""
-        if self.steps_left == 0:
-            self.trainer.should_stop = True
+    def measure_corpus(self) -> dict[str, Any]:
+        """Take the statistics of the training motion."""
+        loader = self.trainer.train_dataloader
+        assert isinstance(loader, WindowLoader)
+        assert isinstance(loader.dataset, PairWindows)
+        windows = loader.dataset
+        self.scales.fit(torch.from_numpy(windows.joints), torch.from_numpy(windows.cepstra))
+        return {}
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
         """Adam for the generator, Adam for the critic."""
@@ -257,65 +238,48 @@ class RefinedMotionMatching(MatchedMethod):
             for network in (self.generator, self.adversary)
         ]
 
-    def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor] | None:
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor]:
         """One critic update, and a generator update before every fifth (spec A.6)."""
-        if self.steps_left == 0:
-            return None
         generator_optimizer, critic_optimizer = cast(list[LightningOptimizer], self.optimizers())
         speech = self.scales.speech(batch.require("cepstra"))
         real = self.scales.poses(batch.require("joints"))
         matched = self.scales.poses(batch.require("matched"))
-        moves = int(self.updates_done) % self.critic_updates_per_generator == 0
+        moves = self.progress.step % self.critic_updates_per_generator == 0
         with torch.set_grad_enabled(moves):
             refined = self.generator(speech, matched)
         heard_real = torch.cat([speech, real], dim=2)
         heard_refined = torch.cat([speech, refined], dim=2)
         critic, generator = WeighedLosses(), WeighedLosses()
 
-        critic.add("critic", 1, partial(self.adversary.own_loss, heard_real, heard_refined))
+        critic.add("critic", 1, self.adversary.own_loss, heard_real, heard_refined)
         if self.penalty_weight > 0:
-            critic.add(
-                "penalty",
-                self.penalty_weight,
-                partial(
-                    gradient_penalty,
-                    self.adversary.discriminator,
-                    heard_real,
-                    heard_refined,
-                    self.penalty_at,
-                ),
-            )
+            shown = (self.adversary.discriminator, heard_real, heard_refined, self.penalty_at)
+            critic.add("penalty", self.penalty_weight, gradient_penalty, *shown)
         descend(self, critic_optimizer, critic.total)
 
         if moves:
             generator.add(
-                "reconstruction",
-                self.reconstruction_weight,
-                partial(reconstruction_loss, matched, refined),
+                "reconstruction", self.reconstruction_weight, reconstruction_loss, matched, refined
             )
             generator.add(
-                "adversarial",
-                self.adversary.weight,
-                partial(self.adversary.generator_loss, heard_refined),
+                "adversarial", self.adversary.weight, self.adversary.generator_loss, heard_refined
             )
             descend(self, generator_optimizer, generator.total)
             self._average()
-        self.updates_done += 1
-        if self.steps_left == 0:
-            logger.info("all %d critic updates are done", self.critic_updates)
-            self.trainer.should_stop = True
-        return log_losses(self, critic.values | generator.values, len(batch))
+        logged = log_losses(self, critic.values | generator.values, len(batch))
+        self.finish_step()
+        return logged
 
     @torch.no_grad()
     def _average(self) -> None:
         # Early on the average follows closely, or it would long remember the first weights.
-        updates = int(self.updates_done) // self.critic_updates_per_generator
+        updates = self.progress.step // self.critic_updates_per_generator
         decay = min(self.averaging, (1 + updates) / (10 + updates))
         pairs = zip(self.averaged.parameters(), self.generator.parameters(), strict=True)
         for averaged, now in pairs:
             averaged.lerp_(now, 1 - decay)
-        for kept, current in zip(self.averaged.buffers(), self.generator.buffers(), strict=True):
-            kept.copy_(current)
+        for average, current in zip(self.averaged.buffers(), self.generator.buffers(), strict=True):
+            average.copy_(current)
 
     def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """The criterion that selects checkpoints: FGD times the seam's distance from 1, as ratio.
