@@ -8,7 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from cospeech.errors import ConfigError
+from cospeech.errors import require_choice
 
 EPSILON = 1e-8
 """Keeps the logarithm of a probability of 0 finite."""
@@ -79,6 +79,5 @@ def chosen_losses(name: str, choices: Mapping[str, GanLosses], setting: str) -> 
     Raises:
         ConfigError: No such losses; the message names those that fit.
     """
-    if name not in choices:
-        raise ConfigError(f"{setting}={name!r} is not one of {', '.join(choices)}")
+    require_choice(setting, name, choices)
     return choices[name]

@@ -13,7 +13,7 @@ from cospeech.adversarial.settings import checked_settings
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, require_choice, require_range
 from cospeech.judges.phase_classifier.frozen import WINDOW_FRAMES
 from cospeech.judges.phase_classifier.network import STEP_FPS, PhaseSizes
 from cospeech.methods.multi_adversary.adversaries import ADVERSARIES, Labels, Views, WindowAdversary
@@ -51,10 +51,11 @@ class MultiAdversary(GoesThroughStages):
 
     Args:
         corpus: The skeleton, the mean head and the fingerprint are used.
-        adversaries: Name -> ``{"weight": ...}`` and, where wanted, sizes (see
-            `cospeech.methods.multi_adversary.adversaries`); None for a name leaves it out, a weight
-            of 0 lets it watch. None takes the paper's four. With none of them the last stage makes
-            objective steps only.
+        adversaries: Name -> ``{"weight": ...}`` and, where wanted, ``loss`` and sizes (see
+            `cospeech.methods.multi_adversary.adversaries`), and ``class`` for others than the
+            paper's (see the README); None for a name leaves it out, a weight of 0 lets it watch.
+            None takes the paper's four. With none of them the last stage makes objective steps
+            only.
         classifier: File of a trained phase classifier; None trains one on the corpus's phases.
         products_dir: Folder where stages leave their products, and find them; None: nowhere.
         phase_classes: Name of the classes in `PHASE_MERGES`.
@@ -130,11 +131,11 @@ class MultiAdversary(GoesThroughStages):
         long_form: LongForm = "crossfade",
     ) -> None:
         super().__init__()
-        _check_choice("phase_classes", phase_classes, tuple(PHASE_MERGES))
-        _check_choice("labels", labels, get_args(Labels))
-        _check_choice("long_form", long_form, get_args(LongForm))
-        _check_range("run", run, 1, LONGEST_RUN)
-        _check_range("snapshots", snapshots, 2, MOST_SNAPSHOTS)
+        require_choice("model.phase_classes", phase_classes, tuple(PHASE_MERGES))
+        require_choice("model.labels", labels, get_args(Labels))
+        require_choice("model.long_form", long_form, get_args(LongForm))
+        require_range("model.run", run, 1, LONGEST_RUN)
+        require_range("model.snapshots", snapshots, 2, MOST_SNAPSHOTS)
         for name, length in (
             ("classifier_steps", classifier_steps),
             ("pretraining_steps", pretraining_steps),
@@ -145,7 +146,7 @@ class MultiAdversary(GoesThroughStages):
             ("steps_per_correction", steps_per_correction),
             ("stride", stride),
         ):
-            _check_range(name, length, 1)
+            require_range(f"model.{name}", length, 1)
         self.save_hyperparameters(logger=False)
         # The run seeds torch before it builds its model; first weights and products depend on it.
         self.seed = torch.initial_seed()
@@ -278,14 +279,3 @@ def _phase_sizes(sizes: dict[str, float] | None) -> PhaseSizes | None:
             f"model.classifier_sizes has no {', '.join(unknown)}; there are {', '.join(known)}"
         )
     return PhaseSizes(**sizes)  # type: ignore[arg-type]
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ConfigError(f"model.{name}={value!r} is not one of {', '.join(choices)}")
-
-
-def _check_range(name: str, value: int, least: int, most: int | None = None) -> None:
-    if value < least or (most is not None and value > most):
-        wanted = f"at least {least}" if most is None else f"from {least} to {most}"
-        raise ConfigError(f"model.{name}={value}: must be {wanted}")

@@ -16,7 +16,7 @@ from cospeech.adversarial.losses import ON_PROBABILITIES, chosen_losses
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import ConfigError, CospeechError
+from cospeech.errors import ConfigError, CospeechError, require_choice, require_range
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
 from cospeech.methods.trimodal.losses import diversity_loss, reconstruction_loss, style_divergence
@@ -132,12 +132,11 @@ class Trimodal(GestureMethod):
         subwords: bool = True,
     ) -> None:
         super().__init__()
-        _check_choice("context", context, get_args(Context))
-        _check_choice("word_timing", word_timing, get_args(WordTiming))
-        _check_choice("style", style, get_args(Style))
-        _check_choice("word_embedding", word_embedding, get_args(WordEmbedding))
-        if not 1 <= layers <= MOST_LAYERS:
-            raise ConfigError(f"layers={layers}: must be from 1 to {MOST_LAYERS}")
+        require_choice("model.context", context, get_args(Context))
+        require_choice("model.word_timing", word_timing, get_args(WordTiming))
+        require_choice("model.style", style, get_args(Style))
+        require_choice("model.word_embedding", word_embedding, get_args(WordEmbedding))
+        require_range("model.layers", layers, 1, MOST_LAYERS)
         if word_embedding == "scratch" and word_vectors is not None:
             raise ConfigError(
                 "word_embedding=scratch starts from no vectors, but word_vectors names a file",
@@ -363,8 +362,3 @@ class Trimodal(GestureMethod):
             yield
         finally:
             self.generator.train(training)
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ConfigError(f"{name}={value!r} is not one of {', '.join(choices)}")

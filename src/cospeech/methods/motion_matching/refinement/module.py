@@ -18,7 +18,7 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, require_choice, require_range
 from cospeech.matching.control import Controls
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import database_folder
@@ -163,11 +163,8 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
             ("adversarial_weight", adversarial_weight, 0),
             ("penalty_weight", penalty_weight, 0),
         ):
-            if value < least:
-                raise ConfigError(f"model.{name}={value}: must be at least {least}")
-        if penalty_at not in get_args(PenaltyPoints):
-            known = ", ".join(get_args(PenaltyPoints))
-            raise ConfigError(f"model.penalty_at={penalty_at!r} is not one of {known}")
+            require_range(f"model.{name}", value, least)
+        require_choice("model.penalty_at", penalty_at, get_args(PenaltyPoints))
         if not 0 <= averaging < 1:
             raise ConfigError(f"model.averaging={averaging}: must be from 0 to below 1")
         self.save_hyperparameters(logger=False)
