@@ -26,16 +26,10 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.synthetic import SKELETON
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.methods.multi_adversary.networks import SequenceDiscriminator
-from cospeech.methods.multi_adversary.stages import Progress, Stage
+from cospeech.methods.multi_adversary.staging import STAGES
+from cospeech.training.stages import Progress
 
 ROOT = Path(__file__).resolve().parents[1]
-STAGES: tuple[Stage, ...] = (
-    "classifier",
-    "pretraining",
-    "phase_curriculum",
-    "motion_pretraining",
-    "adversarial",
-)
 
 
 class WithGru(nn.Module):
@@ -108,7 +102,7 @@ class Stepper:
         loss.backward()
         self.optimizers[name].step()
 
-    def step(self, stage: Stage) -> None:
+    def step(self, stage: str) -> None:
         """One step; of the adversarial stage two, of which one has an objective step."""
         for number in range(2 if stage == "adversarial" else 1):
             self.method.steps.take(Progress(stage, number + 1), self.batch)

@@ -21,9 +21,9 @@ from cospeech.formats.berkeley.rows import index_rows
 from cospeech.formats.uci_phases import read_uci_recording
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.matching.database import open_database
-from cospeech.methods.multi_adversary.products import Products
 from cospeech.metrics.encoder import load_any
 from cospeech.nn.weights_file import filled, read_checkpoint, read_weights
+from cospeech.training.products import Products
 from tests.corpora import make_store
 from tests.fuzz import seeds
 
@@ -368,7 +368,7 @@ def test_damaged_reference_rows_are_computed_again(tmp_path, caplog):
 def test_damaged_products_of_stages_are_made_again(tmp_path, caplog):
     products = Products(str(tmp_path))
     key = "ab" * 32
-    products.keep("classifier", key, {"a": torch.ones(3)})
+    products.write("classifier", key, {"a": torch.ones(3)})
     path = products.path("classifier", key)
     whole = path.read_bytes()
     assert torch.equal(products.find("classifier", key)["a"], torch.ones(3))
@@ -377,7 +377,7 @@ def test_damaged_products_of_stages_are_made_again(tmp_path, caplog):
         assert products.find("classifier", key) is None
         assert "classifier is done again" in caplog.messages[-1]
         assert str(path) in caplog.messages[-1]
-    products.keep("pretraining", key, {})
+    products.write("pretraining", key, {})
     products.path("pretraining", key).rename(path)
     assert products.find("classifier", key) is None
     assert "not the product of classifier" in caplog.messages[-1]

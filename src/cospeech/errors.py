@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 
 # Controls (a terminal obeys escape sequences), what turns the direction of all text that follows,
@@ -58,3 +59,25 @@ class InputFileError(CospeechError):
 
 class ConfigError(CospeechError):
     """A combination of settings that can't work, found before anything is computed."""
+
+
+def require_choice(setting: str, value: object, choices: Collection[object]) -> None:
+    """Refuse a value that is none of the choices.
+
+    Raises:
+        ConfigError: The message names the setting, its value and the choices.
+    """
+    if value not in choices:
+        known = ", ".join(map(str, choices))
+        raise ConfigError(f"{setting}={value!r} is not one of {known}")
+
+
+def require_range(setting: str, value: float, least: float, most: float | None = None) -> None:
+    """Refuse a number below ``least`` or above ``most``.
+
+    Raises:
+        ConfigError: The message names the setting, its value and the range.
+    """
+    if not least <= value <= (float("inf") if most is None else most):
+        wanted = f"at least {least}" if most is None else f"from {least} to {most}"
+        raise ConfigError(f"{setting}={value}: must be {wanted}")

@@ -8,10 +8,16 @@ from torch import nn
 
 from cospeech.adversarial.adversary import Adversary
 from cospeech.adversarial.losses import (
+    LEAST_SQUARES,
     NON_SATURATING,
+    ON_PROBABILITIES,
+    ON_SCORES,
+    WASSERSTEIN,
+    chosen_losses,
     log_discriminator_loss,
     log_generator_loss,
 )
+from cospeech.errors import ConfigError
 
 
 def test_log_losses_by_hand():
@@ -31,6 +37,26 @@ def test_an_undecided_discriminator_costs_two_ln_two():
 def test_losses_stay_finite_when_the_discriminator_is_sure_and_wrong():
     assert log_generator_loss(torch.zeros(1)).item() == pytest.approx(8 * math.log(10), rel=1e-5)
     assert math.isfinite(log_discriminator_loss(torch.zeros(1), torch.ones(1)).item())
+
+
+def test_wasserstein_by_hand():
+    real, fake = torch.tensor([1.0, 3.0]), torch.tensor([-1.0, 4.0])
+    assert float(WASSERSTEIN.discriminator(real, fake)) == 1.5 - 2.0
+    assert float(WASSERSTEIN.generator(fake)) == -1.5
+
+
+def test_least_squares_by_hand():
+    real, fake = torch.tensor([1.0, 0.5]), torch.tensor([0.5, -1.0])
+    assert float(LEAST_SQUARES.discriminator(real, fake)) == (0 + 0.25) / 2 + (0.25 + 1) / 2
+    assert float(LEAST_SQUARES.generator(fake)) == (0.25 + 4) / 2
+
+
+def test_losses_are_chosen_by_name():
+    assert chosen_losses("non_saturating", ON_PROBABILITIES, "a") is NON_SATURATING
+    assert chosen_losses("wasserstein", ON_SCORES, "a") is WASSERSTEIN
+    message = "a.loss='wasserstein' is not one of non_saturating, least_squares"
+    with pytest.raises(ConfigError, match=message):
+        chosen_losses("wasserstein", ON_PROBABILITIES, "a.loss")
 
 
 @pytest.fixture

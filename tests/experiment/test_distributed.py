@@ -8,7 +8,7 @@ import torch
 from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowDataset
 from cospeech.methods.multi_adversary import MultiAdversary
-from cospeech.methods.multi_adversary.judging import Tally
+from cospeech.methods.multi_adversary.tally import Tally
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import load_encoder
 from cospeech.metrics.fgd import FrechetGestureDistance

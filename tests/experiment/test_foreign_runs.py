@@ -165,11 +165,21 @@ class Bomb:
         return Path.touch, (Path(os.environ["CANARY"]),)
 
 
+OF_OURS = "cospeech.methods.multi_adversary"
+
 CHECKPOINTS = {
     "an instantiator": ({"_instantiator": "strangers_module.Stranger"}, "_instantiator"),
     "an unknown argument": ({"callback": "os.system"}, "callback"),
     "an object": ({"labels": {1, 2}}, ""),
     "a target": ({"adversaries": {"phase": {"_target_": "os.getcwd"}}}, "_target_"),
+    "a stranger's adversary": (
+        {"adversaries": {"phase": {"class": "strangers_module.Stranger", "weight": 1}}},
+        f"is no class of {OF_OURS}",
+    ),
+    "a class of ours that is no adversary": (
+        {"adversaries": {"phase": {"class": f"{OF_OURS}.generation.Tally", "weight": 1}}},
+        "is no subclass of",
+    ),
     "an interpolation": ({"products_dir": "${canary:}"}, "interpolation"),
     "a number as text": ({"run": "2"}, "run='2' is not int"),
     "a width without end": ({"hidden_size": 10**9}, ""),

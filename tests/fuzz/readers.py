@@ -96,7 +96,7 @@ def _journal(path: Path) -> None:
 
 
 def _product(path: Path) -> None:
-    from cospeech.methods.multi_adversary.products import Products
+    from cospeech.training.products import Products
 
     Products(str(path.parent)).find("classifier", seeds.PRODUCT_KEY)
 
@@ -231,7 +231,7 @@ READERS: dict[str, Reader] = {
         _matching_database, seeds.matching_databases, ("matching.database",)
     ),
     "pairs": Reader(_pairs, seeds.pairs, ("methods.motion_matching.refinement.pairs",)),
-    "product of a stage": Reader(_product, seeds.products, ("methods.multi_adversary.products",)),
+    "product of a stage": Reader(_product, seeds.products, ("training.products",)),
     "reference rows": Reader(
         _reference_rows,
         seeds.texts(a__json='{"noise": {"fgd": 3.1, "mae": null}, "real": {"fgd": 1}}'),

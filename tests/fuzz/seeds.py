@@ -165,11 +165,11 @@ PRODUCT_KEY = "ab" * 32
 def products(folder: Path) -> list[Path]:
     import torch
 
-    from cospeech.methods.multi_adversary.products import Products
+    from cospeech.training.products import Products
 
-    kept = Products(str(folder))
-    kept.keep("classifier", PRODUCT_KEY, {"description": {"pitch": True}, "a": torch.ones(3)})
-    path = kept.path("classifier", PRODUCT_KEY)
+    made = Products(str(folder))
+    made.write("classifier", PRODUCT_KEY, {"description": {"pitch": True}, "a": torch.ones(3)})
+    path = made.path("classifier", PRODUCT_KEY)
     assert path is not None
     return [path]
 

@@ -4,7 +4,6 @@ import pytest
 import torch
 
 from cospeech.methods.multi_adversary.losses import (
-    combined_loss,
     continuity_loss,
     finger_loss,
     finger_offsets,
@@ -44,16 +43,3 @@ def test_finger_distance_by_hand():
     generated[0, 1, 0] += 0.03  # one of six numbers, three deviations away
     moved = finger_loss(finger_offsets(generated, tips), finger_offsets(real, tips), deviation)
     assert float(moved) == pytest.approx(9 / 6, rel=1e-4)
-
-
-def test_the_papers_weights_are_shares_of_eleven():
-    losses = {
-        name: torch.tensor(value)
-        for name, value in (("phase", 1.0), ("motion", 2), ("minibatch", 3), ("displacement", 5))
-    }
-    weights = {"phase": 2, "motion": 4, "minibatch": 4, "displacement": 1}
-    assert float(combined_loss(losses, weights)) == pytest.approx((2 + 8 + 12 + 5) / 11)
-    watching = weights | {"phase": 0}
-    assert float(combined_loss(losses, watching)) == pytest.approx((8 + 12 + 5) / 9)
-    assert combined_loss(losses, dict.fromkeys(weights, 0)) is None
-    assert combined_loss({}, {}) is None

@@ -10,8 +10,7 @@ import torch
 
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.methods.multi_adversary import MultiAdversary
-from cospeech.methods.multi_adversary.keeping import DEPENDS_ON
-from cospeech.methods.multi_adversary.stages import STAGES
+from cospeech.methods.multi_adversary.staging import STAGES
 from cospeech.motion.phases import PHASE_MERGES
 from tests import multi_adversary_runs as runs
 from tests.corpora import make_store
@@ -59,7 +58,7 @@ def test_one_run_goes_through_all_stages_and_stops_by_itself(straight):
     method, watch, _ = straight
     assert method.progress.stage == "finished"
     order = list(dict.fromkeys(watch.stages))
-    assert tuple(order) == STAGES[:5]
+    assert tuple(order) == STAGES
     counts = {stage: watch.stages.count(stage) for stage in order}
     curriculum = counts.pop("phase_curriculum")
     assert counts == {
@@ -113,7 +112,7 @@ def test_every_stage_is_resumed_in_its_middle_to_the_same_bits(store, straight):
     for step in range(1, len(watch.stages)):
         if watch.stages[step - 1] == watch.stages[step]:  # not at a border
             places.setdefault(watch.stages[step], step)
-    assert set(places) == set(STAGES[:5])
+    assert set(places) == set(STAGES)
     for step in places.values():
         torch.manual_seed(99)
         resumed = MultiAdversary(store.facts(), **runs.SMALL)
@@ -195,7 +194,7 @@ def test_a_later_run_skips_what_was_done_and_starts_from_the_same(store, tmp_pat
     kept = {path.name.split("-")[0] for path in folder.iterdir()}
     assert kept == set(STAGES[:4])
     second = runs.fit(two := runs.build(store, products_dir=str(folder)), store)
-    assert set(first.stages) == set(STAGES[:5])
+    assert set(first.stages) == set(STAGES)
     assert set(second.stages) == {"adversarial"}
     for a, b in zip(
         one.views.classifier.state_dict().values(),
@@ -216,20 +215,20 @@ def test_other_settings_another_seed_or_another_corpus_have_products_of_their_ow
     assert set(longer.stages) == {"pretraining", "phase_curriculum", "adversarial"}
     torch.manual_seed(1)
     reseeded = MultiAdversary(store.facts(), **{**runs.SMALL, "products_dir": folder})
-    assert set(runs.fit(reseeded, store).stages) == set(STAGES[:5])
+    assert set(runs.fit(reseeded, store).stages) == set(STAGES)
     torch.manual_seed(0)
     facts = {**store.facts(), "fingerprint": "1" * 64}
     elsewhere = MultiAdversary(facts, **{**runs.SMALL, "products_dir": folder})
-    assert set(runs.fit(elsewhere, store).stages) == set(STAGES[:5])
+    assert set(runs.fit(elsewhere, store).stages) == set(STAGES)
 
 
 def test_every_setting_is_known_to_products_or_has_no_part_in_them():
     """A new setting is to be put into one of the two, or old products would pass for new ones."""
     settings = set(inspect.signature(MultiAdversary.__init__).parameters) - {"self"}
-    known = {name for names in DEPENDS_ON.values() for name in names}
+    known = {name for names in MultiAdversary.product_settings.values() for name in names}
     elsewhere = {
         "corpus", "run", "stride",  # what the training sees, which is in every key
-        "adversaries", "classifier",  # by what they come to, see `StageProducts.key`
+        "adversaries", "classifier",  # by what they come to, see `further_facts`
         "products_dir", "curriculum", "adversarial_steps", "steps_per_correction",
         "continuity_weight", "finger_weight", "correction_learning_rate", "long_form",
     }  # fmt: skip
@@ -240,20 +239,34 @@ def test_every_setting_is_known_to_products_or_has_no_part_in_them():
 def test_each_setting_and_each_fact_of_the_data_changes_the_key(store):
     method = runs.build(store)
     method.views.classifier = method.players.student.frozen()
-    kept, data = method.kept, {"precision": "32-true", "windows": [2, 40, 9]}
-    for stage, names in DEPENDS_ON.items():
-        key = kept.key(stage, data)
-        assert kept.key(stage, {**data, "precision": "bf16-mixed"}) != key
+    facts = {"precision": "32-true", "windows": [2, 40, 9]}
+    for stage, names in MultiAdversary.product_settings.items():
+        method.training_facts = facts
+        key = method.product_key(stage)
+        method.training_facts = {**facts, "precision": "bf16-mixed"}
+        assert method.product_key(stage) != key
+        method.training_facts = facts
         for name in names:
-            kept.arguments = {**method.hparams, name: "another"}
-            assert kept.key(stage, data) != key, (stage, name)
-        kept.arguments = dict(method.hparams)
-        assert kept.key(stage, data) == key
+            value, method.hparams[name] = method.hparams[name], "another"
+            assert method.product_key(stage) != key, (stage, name)
+            method.hparams[name] = value
+        assert method.product_key(stage) == key
     # A named classifier counts with what it reads, not by its weights alone.
     method.players.student = None
-    key = kept.key("phase_curriculum", data)
+    key = method.product_key("phase_curriculum")
     method.views.classifier.merge = PHASE_MERGES["five"]
-    assert kept.key("phase_curriculum", data) != key
+    assert method.product_key("phase_curriculum") != key
+
+
+def test_an_adversarys_product_is_of_its_loss_and_sizes_and_not_of_its_weight(store):
+    def key(**changes):
+        method = runs.build(
+            store, adversaries={**ADVERSARIES, "motion": {**ADVERSARIES["motion"], **changes}}
+        )
+        return method.product_key("motion_pretraining")
+
+    assert key(weight=9) == key()
+    assert len({key(), key(loss="least_squares"), key(hidden=5)}) == 3
 
 
 def test_a_damaged_product_is_named_and_made_again(store, tmp_path, caplog):
@@ -291,7 +304,7 @@ ADVERSARIES = runs.SMALL["adversaries"]
             {"adversaries": {**ADVERSARIES, "motion": None}},
             {"classifier", "pretraining", "phase_curriculum", "adversarial"},
         ),
-        ({"curriculum": False}, set(STAGES[:5]) - {"phase_curriculum"}),
+        ({"curriculum": False}, set(STAGES) - {"phase_curriculum"}),
         ({"adversaries": dict.fromkeys(ADVERSARIES)}, {"pretraining", "adversarial"}),
     ],
 )
@@ -477,8 +490,9 @@ def test_too_few_epochs_are_said_at_the_start(store, caplog):
 def test_checkpoints_hold_plain_values_only(straight):
     _, watch, folder = straight
     state = torch.load(folder / "5.ckpt", weights_only=True)["multi_adversary"]
-    plain = {key: value for key, value in state.items() if key not in ("history", "classifier")}
-    assert json.loads(json.dumps(plain))["progress"]["stage"] == "pretraining"
+    assert json.loads(json.dumps(state["curriculum"]))["level"] == 0
+    stages = torch.load(folder / "5.ckpt", weights_only=True)["stages"]
+    assert json.loads(json.dumps(stages))["stage"] == "pretraining"
     assert len(state["history"]) == 2  # before the first step and after it; then after the third
     last = torch.load(folder / f"{len(watch.stages)}.ckpt", weights_only=True)
     assert last["multi_adversary"]["history"] == []

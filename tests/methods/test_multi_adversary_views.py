@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech.adversarial.settings import checked_settings
 from cospeech.errors import ConfigError
-from cospeech.methods.multi_adversary.adversaries import checked_settings
+from cospeech.methods.multi_adversary import MultiAdversary
+from cospeech.methods.multi_adversary.adversaries import ADVERSARIES, WindowAdversary
 from tests import multi_adversary_runs as runs
 
 
@@ -28,6 +30,14 @@ def method(store, batch):
     method.players.fit_scales([batch], list(method.layout.arms))
     method.views.classifier = method.players.student.frozen()
     return method
+
+
+def view(method, name, poses, acoustics):
+    return method.players.adversaries[name].view(method.views, poses, acoustics)
+
+
+def checked(settings):
+    return checked_settings(settings, ADVERSARIES, WindowAdversary, [MultiAdversary])
 
 
 def test_the_paper_s_joints_are_there(method, batch):
@@ -60,11 +70,11 @@ def test_displacements_are_metres_per_second_z_scored_the_same_for_real_and_gene
     expected = (velocity - velocity.mean(dim=(0, 1))) / velocity.flatten(0, 1).std(
         dim=0, correction=0
     )
-    shown = method.views.of("displacement", scales.poses(batch.joints), batch.acoustics)
+    shown = view(method, "displacement", scales.poses(batch.joints), batch.acoustics)
     torch.testing.assert_close(shown.double(), expected, atol=5e-3, rtol=1e-3)
     # A generator that puts out the real poses is shown as the same.
     generated = scales.poses(batch.joints).clone().requires_grad_()
-    again = method.views.of("displacement", generated, batch.acoustics)
+    again = view(method, "displacement", generated, batch.acoustics)
     torch.testing.assert_close(again.detach(), shown)
 
 
@@ -74,8 +84,8 @@ def test_no_view_crosses_from_one_window_to_another(method, batch):
     changed = poses.clone()
     changed[1] += 3.0
     for name, steps in (("phase", 99), ("motion", 100), ("displacement", 99), ("minibatch", 100)):
-        before = method.views.of(name, poses, batch.acoustics)
-        after = method.views.of(name, changed, batch.acoustics)
+        before = view(method, name, poses, batch.acoustics)
+        after = view(method, name, changed, batch.acoustics)
         assert before.shape[:2] == (4, steps)
         assert torch.equal(before[[0, 2, 3]], after[[0, 2, 3]]), name
 
@@ -83,7 +93,7 @@ def test_no_view_crosses_from_one_window_to_another(method, batch):
 def test_the_views_have_the_papers_channels(method, batch):
     poses = method.players.scales.poses(batch.joints)
     channels = {
-        name: method.views.of(name, poses, batch.acoustics).shape[-1]
+        name: view(method, name, poses, batch.acoustics).shape[-1]
         for name in ("phase", "motion", "minibatch", "displacement")
     }
     assert channels == {"phase": 4 + 1, "motion": 63 + 27, "minibatch": 63, "displacement": 48}
@@ -98,7 +108,7 @@ def test_the_gradient_through_the_frozen_classifier_is_the_finite_difference(met
     poses = method.players.scales.poses(batch.joints.double()).requires_grad_()
 
     def loss(values):
-        return adversary.generator_loss(views.of("phase", values, acoustics))
+        return adversary.generator_loss(adversary.view(views, values, acoustics))
 
     (gradient,) = torch.autograd.grad(loss(poses), poses)
     assert float(gradient.abs().max()) > 0
@@ -118,13 +128,13 @@ def test_the_gradient_through_the_frozen_classifier_is_the_finite_difference(met
 
 def test_hard_labels_are_one_hot_for_both_and_still_have_a_gradient(method, batch):
     poses = method.players.scales.poses(batch.joints)
-    soft = method.views.of("phase", poses, batch.acoustics)[..., :4]
+    soft = view(method, "phase", poses, batch.acoustics)[..., :4]
     method.views.labels = "hard"
     generated = poses.clone().requires_grad_()
-    shown = method.views.of("phase", generated, batch.acoustics)[..., :4]
+    shown = view(method, "phase", generated, batch.acoustics)[..., :4]
     np.testing.assert_allclose(shown.detach().sort(dim=-1).values[..., :3], 0, atol=1e-6)
     assert torch.equal(shown.detach().argmax(-1), soft.argmax(-1))
-    assert torch.equal(method.views.of("phase", poses, batch.acoustics)[..., :4], shown.detach())
+    assert torch.equal(view(method, "phase", poses, batch.acoustics)[..., :4], shown.detach())
     shown[..., 1].sum().backward()
     assert float(generated.grad.abs().max()) > 0
 
@@ -139,15 +149,19 @@ def test_hard_labels_are_one_hot_for_both_and_still_have_a_gradient(method, batc
         ({"phase": {"weight": 1, "dense": 2.5}}, "dense=2.5: a whole number"),
         ({"motion": {"weight": 1, "dropout": 1.0}}, "dropout=1.0: from 0 to below 1"),
         ({"motion": {"weight": "much"}}, "not a number"),
+        ({"motion": {"weight": 1, "loss": "hinge"}}, "'hinge'.*non_saturating, least_squares"),
+        ({"motion": {"weight": 1, "loss": 3}}, "loss=3: not like 'non_saturating'"),
     ],
 )
 def test_wrong_adversaries_are_refused_by_name(settings, message):
     with pytest.raises(ConfigError, match=message):
-        checked_settings(settings)
+        checked(settings)
 
 
 def test_adversaries_keep_their_order_and_a_null_leaves_one_out():
     settings = {"displacement": {"weight": 1}, "motion": None, "phase": {"weight": 2, "dense": 7}}
-    found = checked_settings(settings)
+    found = checked(settings)
     assert list(found) == ["phase", "displacement"]
-    assert found["phase"] == {"weight": 2, "dense": 7, "hidden": 64, "dropout": 0.3}
+    assert found["phase"].arguments == {
+        "weight": 2, "loss": "non_saturating", "dense": 7, "hidden": 64, "dropout": 0.3
+    }  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from cospeech.errors import ConfigError, CospeechError
+from cospeech.errors import ConfigError, CospeechError, require_choice, require_range
 from cospeech.matching.control import ControlPlan, Controls, plan_controls
 from cospeech.matching.database import MatchingDatabase
 from cospeech.matching.matching import Clip, Matched, match_together
@@ -57,9 +57,7 @@ class MatchingSettings:
             ("seam", self.seam, get_args(Seam)),
             ("start_offset", self.start_offset, (0, 1)),
         ):
-            if value not in choices:
-                known = ", ".join(str(choice) for choice in choices)
-                raise ConfigError(f"model.{name}={value!r} is not one of {known}")
+            require_choice(f"model.{name}", value, choices)
         if self.seam == "inertialise" and self.step_frames < LEAST_INERTIAL_STEP:
             raise ConfigError(
                 f"model.seam=inertialise with model.step_frames={self.step_frames}: what dies away"
@@ -67,8 +65,7 @@ class MatchingSettings:
                 f"use steps of {LEAST_INERTIAL_STEP} frames or more, or another seam",
             )
         for name in ("step_frames", "k"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"model.{name}={getattr(self, name)}: must be at least 1")
+            require_range(f"model.{name}", getattr(self, name), 1)
 
 
 @dataclass(frozen=True, eq=False)

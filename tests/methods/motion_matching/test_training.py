@@ -77,7 +77,7 @@ def trained(store, tmp_path_factory):
 
 def test_it_stops_by_itself_and_the_generator_moves_in_every_third(trained):
     method, watch, trainer = trained
-    assert int(method.updates_done) == 7
+    assert method.progress.stage == "finished"
     assert method.steps_left == 0
     assert trainer.current_epoch < 50
     both = {"adversary", "generator", "averaged"}

@@ -1,112 +1,32 @@
-"""The four adversaries: which there are, how large, and what each is shown (spec B.6)."""
+"""The four adversaries: how large they are, and what each is shown (spec B.6).
+
+Their sizes are defaults of ours; the paper draws the networks without numbers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Literal
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor, nn
 
-from cospeech.adversarial.adversary import Adversary
-from cospeech.adversarial.losses import NON_SATURATING
-from cospeech.errors import ConfigError
+from cospeech.adversarial.settings import AdversarySettings, SettableAdversary
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.judges.phase_classifier.network import PhaseFeatures
-from cospeech.methods.multi_adversary.networks import (
-    MinibatchDiscriminator,
-    SequenceDiscriminator,
-)
+from cospeech.methods.multi_adversary.networks import MinibatchDiscriminator, SequenceDiscriminator
 from cospeech.methods.multi_adversary.scales import ACOUSTICS, Scales
 from cospeech.motion.gesture_joints import GestureJoints
 
-AdversaryName = Literal["phase", "motion", "minibatch", "displacement"]
 Labels = Literal["soft", "hard"]
-
-DEFAULTS: dict[str, dict[str, float]] = {
-    "phase": {"dense": 64, "hidden": 64, "dropout": 0.3},
-    "motion": {"dense": 256, "hidden": 256, "dropout": 0.3},
-    "minibatch": {"kernels": 100, "kernel_size": 3, "dense": 128, "hidden": 64, "dropout": 0.3},
-    "displacement": {"dense": 128, "hidden": 128, "dropout": 0.3},
-}
-"""Sizes that a setting may change; the paper draws the networks without numbers."""
-
-
-def checked_settings(
-    settings: Mapping[str, Mapping[str, float] | None],
-) -> dict[str, dict[str, float]]:
-    """The adversaries that play, each with its weight and every size.
-
-    Args:
-        settings: Name -> ``weight`` and sizes; None or an absent name leaves one out.
-
-    Raises:
-        ConfigError: An unknown name or size, no weight, or a number out of its range.
-    """
-    checked = {}
-    for name, given in settings.items():
-        if name not in DEFAULTS:
-            names = ", ".join(DEFAULTS)
-            raise ConfigError(f"model.adversaries.{name}: no such adversary; there are {names}")
-        if given is None:
-            continue
-        values = {**DEFAULTS[name], **given}
-        known = ["weight", *DEFAULTS[name]]
-        for key, value in values.items():
-            place = f"model.adversaries.{name}.{key}"
-            if key not in known:
-                raise ConfigError(f"{place}: no such setting; there are {', '.join(known)}")
-            if isinstance(value, bool) or not isinstance(value, (int, float)):
-                raise ConfigError(f"{place}={value!r}: not a number")
-            if key == "dropout" and not 0 <= value < 1:
-                raise ConfigError(f"{place}={value}: from 0 to below 1")
-            if key == "weight" and value < 0:
-                raise ConfigError(f"{place}={value}: must not be negative")
-            if key not in ("dropout", "weight") and (value < 1 or value != int(value)):
-                raise ConfigError(f"{place}={value}: a whole number from 1")
-        if "weight" not in values:
-            raise ConfigError(
-                f"model.adversaries.{name} has no weight",
-                f"say model.adversaries.{name}.weight=1, or model.adversaries.{name}=null to play"
-                " without it",
-            )
-        checked[name] = values
-    return {name: checked[name] for name in DEFAULTS if name in checked}
-
-
-def build_adversary(
-    name: str, settings: Mapping[str, float], joints: GestureJoints, classes: int, frames: int
-) -> Adversary:
-    """One adversary, untrained.
-
-    Args:
-        name: Which.
-        settings: From `checked_settings`.
-        joints: The gesturing joints.
-        classes: Classes of the phase classifier.
-        frames: Steps per window.
-    """
-    poses = 3 * len(joints.roles)
-    inputs = {
-        "phase": classes + 1,
-        "motion": poses + ACOUSTICS,
-        "minibatch": poses,
-        "displacement": 3 * len(joints.arms),
-    }[name]
-    sizes = {key: int(value) for key, value in settings.items() if key not in ("weight", "dropout")}
-    network: nn.Module
-    if name == "minibatch":
-        network = MinibatchDiscriminator(frames, inputs, dropout=settings["dropout"], **sizes)
-    else:
-        network = SequenceDiscriminator(inputs, dropout=settings["dropout"], **sizes)
-    return Adversary(network, NON_SATURATING, weight=settings["weight"], start_epoch=0)
 
 
 class Views:
-    """What each adversary is shown of a window; the same way for real and for generated motion.
+    """What adversaries can be shown of a window; the same way for real and for generated motion.
 
-    Differentiable in the poses. Velocities are differences of metres inside a window (spec B.7,
-    traps 3 and 4).
+    Differentiable in the poses, ``(B, T, 3 J)`` z-scores. Acoustics are ``(B, T, 27)``, not
+    normalised. Velocities are differences of metres inside a window (spec B.7, traps 3 and 4).
 
     Args:
         scales: Between metres and z-scores.
@@ -122,35 +42,145 @@ class Views:
         self.layout, self.labels = joints, labels
         self.classifier: FrozenPhaseClassifier | None = None
 
-    def of(self, name: str, poses: Tensor, acoustics: Tensor) -> Tensor:
-        """The view of one adversary.
+    def speech(self, acoustics: Tensor) -> Tensor:
+        """Z-scores ``(B, T, 27)``, the pitch last."""
+        return self.scales.speech(acoustics)
 
-        Args:
-            name: Which.
-            poses: ``(B, T, 3 J)`` z-scores.
-            acoustics: ``(B, T, 27)``, not normalised.
+    def joints(self, poses: Tensor) -> Tensor:
+        """Positions ``(B, T, J, 3)``, metres."""
+        return self.scales.joints(poses)
 
-        Returns:
-            ``(B, T, C)``, or ``(B, T - 1, C)`` of phases and displacements.
-        """
-        if name == "minibatch":
-            return poses
-        if name == "motion":
-            return torch.cat([poses, self.scales.speech(acoustics)], dim=-1)
-        joints = self.scales.joints(poses)
-        if name == "displacement":
-            return self.displacements(joints[..., list(self.layout.arms), :])
-        pitch = self.scales.speech(acoustics)[:, 1:, -1:]
-        return torch.cat([self._shown_phases(joints, acoustics), pitch], dim=-1)
+    def velocities(self, poses: Tensor) -> Tensor:
+        """Z-scores ``(B, T - 1, 3 A)`` of the arms' velocities."""
+        return self.displacements(self.joints(poses)[..., list(self.layout.arms), :])
 
-    def _shown_phases(self, joints: Tensor, acoustics: Tensor) -> Tensor:
+    def phases(self, poses: Tensor, acoustics: Tensor) -> Tensor:
+        """Classes ``(B, T - 1, K)`` by the frozen classifier, as probabilities or one-hot."""
         assert self.classifier is not None
-        soft = classified(self.classifier, self.layout, joints, acoustics)
+        soft = classified(self.classifier, self.layout, self.joints(poses), acoustics)
         if self.labels == "soft":
             return soft
         hard = nn.functional.one_hot(soft.argmax(dim=-1), soft.shape[-1]).to(soft)
         # The choice has no gradient: the generator feels the probabilities' instead.
         return hard + soft - soft.detach()
+
+
+@dataclass(frozen=True)
+class WindowSizes:
+    """Sizes of what `Views` shows.
+
+    Attributes:
+        frames: Steps of a window.
+        joints: Gesturing joints.
+        arms: Those of the arms.
+        classes: Phases that the classifier tells.
+    """
+
+    frames: int
+    joints: int
+    arms: int
+    classes: int
+
+
+class WindowAdversary(SettableAdversary):
+    """Base of this method's adversaries: what one is shown of a window.
+
+    Its ``network`` gets `WindowSizes` and gives probabilities ``(B,)`` of what `view` shows.
+    """
+
+    sees_phases: ClassVar[bool] = False
+
+    @abstractmethod
+    def view(self, views: Views, poses: Tensor, acoustics: Tensor) -> Tensor:
+        """What it is shown of windows, real or generated.
+
+        Args:
+            views: What can be shown.
+            poses: ``(B, T, 3 J)`` z-scores; the view is differentiable in them.
+            acoustics: ``(B, T, 27)``, not normalised.
+        """
+
+
+class PhaseAdversary(WindowAdversary):
+    """Sees the order of gesture phases, beside the pitch."""
+
+    sees_phases = True
+
+    @staticmethod
+    def network(
+        sizes: WindowSizes, dense: int = 64, hidden: int = 64, dropout: float = 0.3
+    ) -> nn.Module:
+        """Reads ``(B, T - 1, K + 1)``."""
+        return SequenceDiscriminator(sizes.classes + 1, dense, hidden, dropout)
+
+    def view(self, views: Views, poses: Tensor, acoustics: Tensor) -> Tensor:
+        """Phases, and the z-scored pitch."""
+        pitch = views.speech(acoustics)[:, 1:, -1:]
+        return torch.cat([views.phases(poses, acoustics), pitch], dim=-1)
+
+
+class MotionAdversary(WindowAdversary):
+    """Sees whether poses look real and belong to the speech."""
+
+    @staticmethod
+    def network(
+        sizes: WindowSizes, dense: int = 256, hidden: int = 256, dropout: float = 0.3
+    ) -> nn.Module:
+        """Reads ``(B, T, 3 J + 27)``."""
+        return SequenceDiscriminator(3 * sizes.joints + ACOUSTICS, dense, hidden, dropout)
+
+    def view(self, views: Views, poses: Tensor, acoustics: Tensor) -> Tensor:
+        """Poses and speech, both z-scored."""
+        return torch.cat([poses, views.speech(acoustics)], dim=-1)
+
+
+class MinibatchAdversary(WindowAdversary):
+    """Sees whether the windows of a batch differ as real ones do."""
+
+    @staticmethod
+    def network(
+        sizes: WindowSizes,
+        kernels: int = 100,
+        kernel_size: int = 3,
+        dense: int = 128,
+        hidden: int = 64,
+        dropout: float = 0.3,
+    ) -> nn.Module:
+        """Reads ``(B, T, 3 J)``."""
+        poses = 3 * sizes.joints
+        return MinibatchDiscriminator(
+            sizes.frames, poses, kernels, kernel_size, dense, hidden, dropout
+        )
+
+    def view(self, views: Views, poses: Tensor, acoustics: Tensor) -> Tensor:
+        """The poses themselves."""
+        return poses
+
+
+class DisplacementAdversary(WindowAdversary):
+    """Sees how the arms move from step to step."""
+
+    @staticmethod
+    def network(
+        sizes: WindowSizes, dense: int = 128, hidden: int = 128, dropout: float = 0.3
+    ) -> nn.Module:
+        """Reads ``(B, T - 1, 3 A)``."""
+        return SequenceDiscriminator(3 * sizes.arms, dense, hidden, dropout)
+
+    def view(self, views: Views, poses: Tensor, acoustics: Tensor) -> Tensor:
+        """The arms' velocities."""
+        return views.velocities(poses)
+
+
+Settings = dict[str, AdversarySettings[WindowAdversary]]
+
+ADVERSARIES: dict[str, type[WindowAdversary]] = {
+    "phase": PhaseAdversary,
+    "motion": MotionAdversary,
+    "minibatch": MinibatchAdversary,
+    "displacement": DisplacementAdversary,
+}
+"""The paper's, by their names in settings."""
 
 
 def classified(

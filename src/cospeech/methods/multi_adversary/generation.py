@@ -15,7 +15,6 @@ from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.base import GestureMethod, refuse_unknown
 from cospeech.methods.multi_adversary.adversaries import classified
-from cospeech.methods.multi_adversary.judging import Tally
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.synthesis import (
     OVERLAP_FRAMES,
@@ -26,6 +25,7 @@ from cospeech.methods.multi_adversary.synthesis import (
     long_poses,
     speech_features,
 )
+from cospeech.methods.multi_adversary.tally import Tally
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import torch
 from torch import Tensor
 
 
@@ -57,20 +56,3 @@ def finger_loss(generated: Tensor, real: Tensor, deviation: Tensor) -> Tensor:
         Scalar.
     """
     return ((generated - real) / deviation).square().mean()
-
-
-def combined_loss(losses: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor | None:
-    """Weighted mean of the adversaries' losses (eq. 3): 2:4:4:1 over 11 with all four.
-
-    Args:
-        losses: The generator's loss against each adversary.
-        weights: Theirs; one of 0 has no part.
-
-    Returns:
-        Scalar; None where no adversary has a weight.
-    """
-    felt = [name for name in losses if weights[name] > 0]
-    if not felt:
-        return None
-    total = sum(weights[name] for name in felt)
-    return torch.stack([losses[name] * (weights[name] / total) for name in felt]).sum()

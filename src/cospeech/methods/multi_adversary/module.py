@@ -3,45 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import ClassVar, cast, get_args
+from typing import Any, ClassVar, cast, get_args
 
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
 from torch import Tensor, nn
 
+from cospeech.adversarial.settings import checked_settings
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, require_choice, require_range
 from cospeech.judges.phase_classifier.frozen import WINDOW_FRAMES
 from cospeech.judges.phase_classifier.network import STEP_FPS, PhaseSizes
-from cospeech.methods.multi_adversary.adversaries import (
-    Labels,
-    Views,
-    checked_settings,
-)
+from cospeech.methods.multi_adversary.adversaries import ADVERSARIES, Labels, Views, WindowAdversary
+from cospeech.methods.multi_adversary.curriculum import Curriculum, CurriculumRules, snapshot_steps
 from cospeech.methods.multi_adversary.history import WeightHistory
-from cospeech.methods.multi_adversary.keeping import (
-    StageProducts,
-)
 from cospeech.methods.multi_adversary.players import Players
-from cospeech.methods.multi_adversary.products import Products
-from cospeech.methods.multi_adversary.stages import (
-    CurriculumRules,
-    Progress,
-    Schedule,
-    Stage,
-    snapshot_steps,
-)
-from cospeech.methods.multi_adversary.staging import GoesThroughStages
+from cospeech.methods.multi_adversary.staging import STAGES, GoesThroughStages
 from cospeech.methods.multi_adversary.steps import Logs, StageSteps, StepSettings
-from cospeech.methods.multi_adversary.synthesis import (
-    LongForm,
-    head_offsets,
-)
+from cospeech.methods.multi_adversary.synthesis import LongForm, head_offsets
 from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.phases import PHASE_MERGES
 from cospeech.motion.skeleton import Skeleton
+from cospeech.training.products import Products
+from cospeech.training.stages import Progress, Schedule
+from cospeech.training.steps import descend, log_losses
 
 PAPER_WEIGHTS = {"phase": 2.0, "motion": 4.0, "minibatch": 4.0, "displacement": 1.0}
 """The adversaries' weights in the paper, equation 3."""
@@ -64,10 +51,11 @@ class MultiAdversary(GoesThroughStages):
 
     Args:
         corpus: The skeleton, the mean head and the fingerprint are used.
-        adversaries: Name -> ``{"weight": ...}`` and, where wanted, sizes (see
-            `cospeech.methods.multi_adversary.adversaries`); None for a name leaves it out, a weight
-            of 0 lets it watch. None takes the paper's four. With none of them the last stage makes
-            objective steps only.
+        adversaries: Name -> ``{"weight": ...}`` and, where wanted, ``loss`` and sizes (see
+            `cospeech.methods.multi_adversary.adversaries`), and ``class`` for others than the
+            paper's (see the README); None for a name leaves it out, a weight of 0 lets it watch.
+            None takes the paper's four. With none of them the last stage makes objective steps
+            only.
         classifier: File of a trained phase classifier; None trains one on the corpus's phases.
         products_dir: Folder where stages leave their products, and find them; None: nowhere.
         phase_classes: Name of the classes in `PHASE_MERGES`.
@@ -111,7 +99,7 @@ class MultiAdversary(GoesThroughStages):
     def __init__(
         self,
         corpus: CorpusFacts,
-        adversaries: dict[str, dict[str, float] | None] | None = None,
+        adversaries: dict[str, dict[str, Any] | None] | None = None,
         classifier: str | None = None,
         products_dir: str | None = None,
         phase_classes: str = "four",
@@ -143,11 +131,11 @@ class MultiAdversary(GoesThroughStages):
         long_form: LongForm = "crossfade",
     ) -> None:
         super().__init__()
-        _check_choice("phase_classes", phase_classes, tuple(PHASE_MERGES))
-        _check_choice("labels", labels, get_args(Labels))
-        _check_choice("long_form", long_form, get_args(LongForm))
-        _check_range("run", run, 1, LONGEST_RUN)
-        _check_range("snapshots", snapshots, 2, MOST_SNAPSHOTS)
+        require_choice("model.phase_classes", phase_classes, tuple(PHASE_MERGES))
+        require_choice("model.labels", labels, get_args(Labels))
+        require_choice("model.long_form", long_form, get_args(LongForm))
+        require_range("model.run", run, 1, LONGEST_RUN)
+        require_range("model.snapshots", snapshots, 2, MOST_SNAPSHOTS)
         for name, length in (
             ("classifier_steps", classifier_steps),
             ("pretraining_steps", pretraining_steps),
@@ -158,18 +146,20 @@ class MultiAdversary(GoesThroughStages):
             ("steps_per_correction", steps_per_correction),
             ("stride", stride),
         ):
-            _check_range(name, length, 1)
+            require_range(f"model.{name}", length, 1)
         self.save_hyperparameters(logger=False)
         # The run seeds torch before it builds its model; first weights and products depend on it.
         self.seed = torch.initial_seed()
         if adversaries is None:
             adversaries = {name: {"weight": weight} for name, weight in PAPER_WEIGHTS.items()}
-        self.settings = checked_settings(adversaries)
+        methods = [kind for kind in type(self).__mro__ if issubclass(kind, MultiAdversary)]
+        self.settings = checked_settings(adversaries, ADVERSARIES, WindowAdversary, methods)  # type: ignore[type-abstract]
         self.classifier_path = classifier
         self.fingerprint, self.speakers = corpus["fingerprint"], list(corpus["speakers"])
         self.layout = gesture_joints(Skeleton.from_dict(corpus["skeleton"]))
         self.window = replace(self.window, run=run, stride=stride)
-        trains_classifier = classifier is None and "phase" in self.settings
+        sees_phases = any(found.kind.sees_phases for found in self.settings.values())
+        trains_classifier = classifier is None and sees_phases
         if trains_classifier:
             self.needs = self.needs | {"phases"}  # type: ignore[misc]
         self.merge = PHASE_MERGES[phase_classes]
@@ -210,15 +200,8 @@ class MultiAdversary(GoesThroughStages):
             ),
             self._descend,
         )
-        self.kept = StageProducts(
-            Products(products_dir),
-            self.players,
-            self.views,
-            self.history,
-            dict(self.hparams),
-            self.settings,
-        )
-        lengths: dict[Stage, int | None] = {
+        self.products = Products(products_dir)
+        lengths = {
             "classifier": classifier_steps,
             "pretraining": pretraining_steps,
             "phase_curriculum": None,
@@ -231,16 +214,16 @@ class MultiAdversary(GoesThroughStages):
             "motion_pretraining": "motion" not in self.settings,
         }
         self.schedule = Schedule(
-            {stage: length for stage, length in lengths.items() if not left_out.get(stage)},
-            CurriculumRules(
-                len(self.history.moments),
-                curriculum_accuracy,
-                curriculum_streak,
-                curriculum_batches,
-            ),
+            STAGES, {stage: lengths[stage] for stage in STAGES if not left_out.get(stage)}
         )
+        self.rules = CurriculumRules(
+            len(self.history.moments),
+            curriculum_accuracy,
+            curriculum_streak,
+            curriculum_batches,
+        )
+        self.curriculum = Curriculum()
         self.progress = Progress(self.schedule.first())
-        self.done: frozenset[Stage] = frozenset()
 
     def _optimizers(self) -> dict[str, tuple[type, nn.Module, float]]:
         """Kind, network and rate by name.
@@ -261,7 +244,7 @@ class MultiAdversary(GoesThroughStages):
         for name, adversary in players.adversaries.items():
             if name in ("phase", "motion"):
                 found[f"pretraining_{name}"] = (rmsprop, adversary, rates["discriminator"])
-            found[name] = (rmsprop, adversary, rates["discriminator"])
+            found[f"adversary_{name}"] = (rmsprop, adversary, rates["discriminator"])
         return found
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
@@ -273,37 +256,17 @@ class MultiAdversary(GoesThroughStages):
 
     def _descend(self, name: str, loss: Tensor, largest_norm: float | None = None) -> None:
         optimizers = cast(list[LightningOptimizer], self.optimizers())
-        optimizer = optimizers[list(self._optimizers()).index(name)]
-        optimizer.zero_grad()
-        self.manual_backward(loss)
-        if largest_norm is not None:
-            self.clip_gradients(optimizer.optimizer, largest_norm, "norm")
-        optimizer.step()
+        descend(self, optimizers[list(self._optimizers()).index(name)], loss, largest_norm)
 
     def training_step(self, batch: GestureBatch, batch_idx: int) -> Logs:
         """One step of the stage that the training is in."""
-        before = self.progress
-        logs = {
-            f"train/{name}": value.detach()
-            for name, value in self.steps.take(before, batch).items()
-        }
-        self.log_dict(logs, on_step=False, on_epoch=True, batch_size=len(batch), sync_dist=True)
-        self.log(
-            "train/stage",
-            float(before.number),
-            on_step=False,
-            on_epoch=True,
-            prog_bar=True,
-            reduce_fx="max",
-        )
-        accuracy = None
-        if before.stage == "phase_curriculum":
+        losses = self.steps.take(self.progress, batch, self.curriculum.level)
+        logs = log_losses(self, losses, len(batch))
+        if self.progress.stage == "phase_curriculum":
             # All processes go on to the next level together.
             together = cast(Tensor, self.all_gather(logs["train/curriculum_accuracy"]))
-            accuracy = float(together.mean())
-        self.progress = before.after_step(self.schedule, accuracy)
-        if self.progress.stage_is_complete(self.schedule):
-            self._end_stage()
+            self.curriculum = self.curriculum.after(float(together.mean()), self.rules)
+        self.finish_step()
         return logs
 
 
@@ -316,14 +279,3 @@ def _phase_sizes(sizes: dict[str, float] | None) -> PhaseSizes | None:
             f"model.classifier_sizes has no {', '.join(unknown)}; there are {', '.join(known)}"
         )
     return PhaseSizes(**sizes)  # type: ignore[arg-type]
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ConfigError(f"model.{name}={value!r} is not one of {', '.join(choices)}")
-
-
-def _check_range(name: str, value: int, least: int, most: int | None = None) -> None:
-    if value < least or (most is not None and value > most):
-        wanted = f"at least {least}" if most is None else f"from {least} to {most}"
-        raise ConfigError(f"model.{name}={value}: must be {wanted}")

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import torch
 from torch import Tensor, nn
 
-from cospeech.adversarial.adversary import Adversary
 from cospeech.corpus.batch import GestureBatch
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.judges.phase_classifier.network import PhaseFeatures, PhaseNetwork, PhaseSizes
-from cospeech.methods.multi_adversary.adversaries import build_adversary
+from cospeech.methods.multi_adversary.adversaries import Settings, WindowAdversary, WindowSizes
 from cospeech.methods.multi_adversary.networks import Generator
 from cospeech.methods.multi_adversary.scales import ACOUSTICS, Scales
 from cospeech.motion.gesture_joints import GestureJoints
@@ -98,7 +97,7 @@ class Players(nn.Module):
 
     Args:
         joints: The gesturing joints.
-        adversaries: From `checked_settings`.
+        adversaries: The settings of those that play.
         hidden_size: Of the generators.
         frames: Steps per window.
         merge: Classes of the phases.
@@ -111,7 +110,7 @@ class Players(nn.Module):
     def __init__(
         self,
         joints: GestureJoints,
-        adversaries: Mapping[str, Mapping[str, float]],
+        adversaries: Settings,
         hidden_size: int,
         frames: int,
         merge: PhaseMerge,
@@ -136,18 +135,19 @@ class Players(nn.Module):
             with _own_seed(seed, "rehearsal"):
                 self.rehearsal = Generator(ACOUSTICS, outputs, hidden_size)
         built = nn.ModuleDict()
+        window = WindowSizes(frames, len(joints.roles), len(joints.arms), len(merge.classes))
         for name, settings in adversaries.items():
             with _own_seed(seed, name):
-                built[name] = build_adversary(name, settings, joints, len(merge.classes), frames)
+                built[name] = settings.build(window)
         self._adversaries = built
 
     @property
-    def adversaries(self) -> dict[str, Adversary]:
+    def adversaries(self) -> dict[str, WindowAdversary]:
         """By name."""
         return {
             name: player
             for name, player in self._adversaries.items()
-            if isinstance(player, Adversary)
+            if isinstance(player, WindowAdversary)
         }
 
     def set_dropout(self, dense: float, recurrent: float) -> None:

@@ -1,12 +1,13 @@
-"""A training's way through its stages: where it stands, what it skips, what it leaves behind."""
+"""What the stages of this training see, make and leave behind (Ferstl et al. 2020)."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
 
 import torch
+from torch import nn
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.step_windows import StepWindows, split_windows
@@ -14,48 +15,78 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import ServesWindows, WindowLoader
 from cospeech.errors import ConfigError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.methods.multi_adversary.adversaries import Views
+from cospeech.methods.multi_adversary.adversaries import Settings, Views
+from cospeech.methods.multi_adversary.curriculum import Curriculum, CurriculumRules
 from cospeech.methods.multi_adversary.generation import GeneratesGestures
-from cospeech.methods.multi_adversary.history import WeightHistory
-from cospeech.methods.multi_adversary.keeping import DEPENDS_ON, StageProducts, packed, unpacked
-from cospeech.methods.multi_adversary.products import tensors_hash
-from cospeech.methods.multi_adversary.stages import STAGES, Curriculum, Progress, Schedule, Stage
+from cospeech.methods.multi_adversary.history import WeightHistory, on_cpu
 from cospeech.motion.phases import PhaseMerge
+from cospeech.training.products import tensors_hash
+from cospeech.training.staging import TrainsInStages
 
 logger = logging.getLogger(__name__)
 
-_STATE = "multi_adversary"
+STAGES = ("classifier", "pretraining", "phase_curriculum", "motion_pretraining", "adversarial")
+
+_ADVERSARY_OF = {"phase_curriculum": "phase", "motion_pretraining": "motion"}
 _RUNS_AT_ONCE = 64
+_STATE = "multi_adversary"
 
 
-class GoesThroughStages(GeneratesGestures):
-    """Takes a training from stage to stage; what a step does is its subclass's.
+class GoesThroughStages(TrainsInStages, GeneratesGestures):
+    """The stages of the paper; what a step does is its subclass's.
 
     Attributes:
-        schedule: The stages and their lengths.
-        progress: Where the training stands.
-        done: Stages that products of earlier runs have taken the place of.
-        kept: Those products.
+        settings: Of the adversaries.
         views: Hold the frozen classifier.
         history: Of the generator's pre-training.
+        curriculum: How far the phase adversary has come through the history.
+        rules: Of the curriculum.
         merge: Classes of the phases.
         classifier_path: File of the classifier; None where one is trained.
-        seed: Of first weights, and of products.
         fingerprint: Of the corpus.
     """
 
-    schedule: Schedule
-    progress: Progress
-    done: frozenset[Stage]
-    kept: StageProducts
+    product_settings: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "classifier": (
+            "phase_classes",
+            "pitch",
+            "classifier_sizes",
+            "classifier_steps",
+            "classifier_learning_rate",
+        ),
+        "pretraining": (
+            "hidden_size",
+            "pretraining_steps",
+            "snapshots",
+            "pretraining_dropout",
+            "pretraining_learning_rate",
+        ),
+        "phase_curriculum": (
+            "phase_classes",
+            "labels",
+            "curriculum_accuracy",
+            "curriculum_streak",
+            "curriculum_batches",
+            "adversarial_dropout",
+            "discriminator_learning_rate",
+        ),
+        "motion_pretraining": (
+            "hidden_size",
+            "motion_pretraining_steps",
+            "adversarial_dropout",
+            "learning_rate",
+            "discriminator_learning_rate",
+        ),
+    }
+
+    settings: Settings
     views: Views
     history: WeightHistory
+    curriculum: Curriculum
+    rules: CurriculumRules
     merge: PhaseMerge
     classifier_path: str | None
-    seed: int
     fingerprint: str
-
-    _data: dict[str, Any] | None = None
 
     def windows(self, store: Store, split: str) -> StepWindows:
         """The windows of a split, which data modules serve in the place of their usual ones.
@@ -90,109 +121,90 @@ class GoesThroughStages(GeneratesGestures):
             classifier.choose(torch.zeros(1, 1, len(self.layout.roles), 3), self.layout)
             self.views.classifier = classifier
 
-    def on_train_start(self) -> None:
-        """Take the statistics and what earlier runs left; stop where nothing is left to do."""
-        if self._data is None:
-            self._data = self._measure_corpus()
-            self._take_products(self._data)
-        if self.progress.stage == "finished":
-            self._finish()
-            return
-        self._announce()
-        self._compare_with_epochs()
-
-    def on_train_epoch_start(self) -> None:
-        """Forget the values of the epoch before, or a finished stage's would be logged for ever."""
-        metrics = self.trainer.callback_metrics
-        for name in [name for name in metrics if name.startswith("train/")]:
-            del metrics[name]
-
-    def _measure_corpus(self) -> dict[str, Any]:
-        """Take the statistics; what the training sees, as plain values."""
+    def measure_corpus(self) -> dict[str, Any]:
+        """Take the statistics; corpus, windows and scales as plain values."""
         loader = self.trainer.train_dataloader
         assert isinstance(loader, WindowLoader)
         self.players.fit_scales(_EveryWindow(loader.dataset), list(self.layout.arms))
         return {
             "corpus": self.fingerprint,
-            "seed": self.seed,
             "windows": [self.window.run, self.window.stride, len(loader.dataset)],
             "runs_per_batch": loader.sampler.batch_size,
-            "batches": int(self.trainer.num_training_batches),
-            "processes": self.trainer.world_size,
-            "precision": str(self.trainer.precision),
             "scales": tensors_hash(self.players.scales.state_dict()),
         }
 
-    def _take_products(self, data: dict[str, Any]) -> None:
-        """Skip what earlier runs of the same settings have done.
+    def usable_products(self) -> set[str]:
+        """Those of the stages it goes through, and a classifier.
 
-        Only at the start of a run: a killed one goes on as it would have gone, whatever has become
-        of the folder. A classifier that no stage needs is taken too, where there is one: validation
-        tells phases with it.
+        One that no stage needs is taken too, where there is one: validation tells phases with it.
         """
-        wanted = {stage for stage in DEPENDS_ON if stage in self.schedule.lengths}
-        if self.classifier_path is None:
-            wanted.add("classifier")
-        for stage in DEPENDS_ON:
-            # The first process looks, or processes could be in different stages.
-            looks = stage in wanted and self.trainer.is_global_zero
-            content = self._from_first(self.kept.find(stage, data) if looks else None)
-            if content is not None:
-                self.kept.place(stage, content)
-                self.done |= {stage}
-        self.progress = Progress(self.schedule.first(self.done))
-        self._forget_history()
+        return super().usable_products() | (set() if self.classifier_path else {"classifier"})
 
-    def _from_first(self, content: dict[str, Any] | None) -> dict[str, Any] | None:
-        found: dict[str, Any] | None = self.trainer.strategy.broadcast(content, 0)
-        return found
+    def further_facts(self, stage: str) -> dict[str, Any]:
+        """The adversary, and the products that the curriculum begins with."""
+        facts: dict[str, Any] = {}
+        if stage in _ADVERSARY_OF:
+            facts["adversary"] = self.settings[_ADVERSARY_OF[stage]].identity()
+        if stage == "phase_curriculum":
+            facts["pretraining"] = self.product_key("pretraining")
+            if self.players.student is not None:
+                facts["classifier"] = self.product_key("classifier")
+            elif self.views.classifier is not None:
+                facts["classifier"] = [
+                    dict(self.views.classifier.describe()),
+                    tensors_hash(self.views.classifier.state_dict()),
+                ]
+        return facts
 
-    def _forget_history(self) -> None:
-        """The snapshots are large, and of no use after the curriculum."""
-        if self.progress.number > STAGES.index("phase_curriculum") + 1:
-            self.history.states = []
-
-    def _end_stage(self) -> None:
-        """Keep the stage's product and go on to the next."""
-        stage = self.progress.stage
+    def product(self, stage: str) -> dict[str, Any]:
+        """The classifier, the history, or the weights of a discriminator."""
         if stage == "classifier":
+            assert self.views.classifier is not None
+            return packed(self.views.classifier)
+        if stage == "pretraining":
+            return {"history": self.history.states}
+        return {"state": on_cpu(self._discriminator(stage))}
+
+    def take_product(self, stage: str, product: dict[str, Any]) -> None:
+        """Put it in its place."""
+        if stage == "classifier":
+            self.views.classifier = unpacked(product)
+        elif stage == "pretraining":
+            self.history.states = product["history"]
+            self.players.generator.load_state_dict(product["history"][-1])
+        else:
+            self._discriminator(stage).load_state_dict(product["state"])
+
+    def _discriminator(self, stage: str) -> nn.Module:
+        return self.players.adversaries[_ADVERSARY_OF[stage]].discriminator
+
+    def open_ended_steps(self) -> dict[str, int]:
+        """Of the curriculum, as if every batch were good."""
+        return {"phase_curriculum": self.curriculum.least_steps_left(self.rules)}
+
+    def end_stage(self) -> None:
+        """Freeze the classifier; tell how the curriculum went."""
+        if self.progress.stage == "classifier":
             assert self.players.student is not None
             # Processes differ in the buffers that their last batch has moved.
-            content = self._from_first(packed(self.players.student.frozen()))
+            content = self.from_first_process(packed(self.players.student.frozen()))
             assert content is not None
             self.views.classifier = unpacked(content)
-        elif stage == "phase_curriculum":
-            self._report_curriculum(self.progress.curriculum)
-        if stage in DEPENDS_ON and self.trainer.is_global_zero:
-            self.kept.keep(stage, self._data)
-        self.progress = Progress(self.schedule.next_after(stage, self.done))
-        self._forget_history()
-        if self.progress.stage == "finished":
-            self._finish()
-        else:
-            self._announce()
+        elif self.progress.stage == "phase_curriculum":
+            logger.info("batches per level: %s", ", ".join(map(str, self.curriculum.spent)))
+            if self.curriculum.capped:
+                logger.warning(
+                    "the phase adversary left levels %s by the limit of %d batches, not its"
+                    " accuracy",
+                    ", ".join(map(str, self.curriculum.capped)),
+                    self.rules.most_batches,
+                )
 
-    def _announce(self) -> None:
-        place = f"step {self.progress.step}"
-        logger.info("stage %d, %s, from %s on", self.progress.number, self.progress.stage, place)
-
-    def _finish(self) -> None:
-        logger.info("all stages are done")
-        self.trainer.should_stop = True
-
-    def _report_curriculum(self, curriculum: Curriculum) -> None:
-        logger.info("batches per level: %s", ", ".join(map(str, curriculum.spent)))
-        if curriculum.capped:
-            logger.warning(
-                "the phase adversary left levels %s by the limit of %d batches, not its accuracy",
-                ", ".join(map(str, curriculum.capped)),
-                self.schedule.curriculum.most_batches,
-            )
-
-    @property
-    def steps_left(self) -> int:
-        """Training steps to the end of the last stage, or a few more if the curriculum is hard."""
-        return self.progress.least_steps_left(self.schedule, self.done)
+    def begin_stage(self) -> None:
+        """Forget the snapshots, which are large, where the curriculum is over."""
+        number = self.schedule.number
+        if number(self.progress.stage) > number("phase_curriculum"):
+            self.history.states = []
 
     @property
     def in_last_stage(self) -> bool:
@@ -201,42 +213,24 @@ class GoesThroughStages(GeneratesGestures):
         At its beginning the generator still is the pre-trained one, whose damped motion can have
         the smaller gap.
         """
-        if self.progress.stage != "adversarial":
-            return self.progress.stage == "finished"
-        return 2 * self.progress.step >= (self.schedule.lengths["adversarial"] or 0)
-
-    def _compare_with_epochs(self) -> None:
-        epochs = self.trainer.max_epochs
-        if epochs is None or epochs < 0:
-            return
-        left = (epochs - self.current_epoch) * int(self.trainer.num_training_batches)
-        if left < self.steps_left:
-            logger.warning(
-                "%d epochs hold %d more steps, and the stages need %d or more: the last won't be"
-                " finished; raise training.epochs",
-                epochs,
-                left,
-                self.steps_left,
-            )
+        length = self.schedule.lengths["adversarial"] or 0
+        return super().in_last_stage and 2 * self.steps_left <= length
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Add the state that is no weight: plain values and tensors."""
+        super().on_save_checkpoint(checkpoint)
         classifier = self.views.classifier
         checkpoint[_STATE] = {
-            "seed": self.seed,
-            "data": self._data,
-            "progress": self.progress.to_dict(),
-            "done": sorted(self.done),
+            "curriculum": self.curriculum.to_dict(),
             "history": self.history.states,
             "classifier": None if classifier is None else packed(classifier),
         }
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Take the state that is no weight."""
+        super().on_load_checkpoint(checkpoint)
         state = checkpoint[_STATE]
-        self.seed, self._data = state["seed"], state["data"]
-        self.progress = Progress.from_dict(state["progress"])
-        self.done = frozenset(state["done"])
+        self.curriculum = Curriculum.from_dict(state["curriculum"])
         self.history.states = state["history"]
         found = state["classifier"]
         self.views.classifier = None if found is None else unpacked(found)
@@ -262,3 +256,13 @@ class _EveryWindow:
         count = len(self.dataset)
         for first in range(0, count, _RUNS_AT_ONCE):
             yield self.dataset.batch(range(first, min(first + _RUNS_AT_ONCE, count)))
+
+
+def packed(classifier: FrozenPhaseClassifier) -> dict[str, Any]:
+    """A classifier as plain values and tensors; `unpacked` makes it one again."""
+    return {"description": dict(classifier.describe()), "state": on_cpu(classifier)}
+
+
+def unpacked(content: dict[str, Any]) -> FrozenPhaseClassifier:
+    """The classifier that `packed` was given, on the CPU."""
+    return FrozenPhaseClassifier.restored(content["description"], content["state"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import torch
@@ -12,14 +13,10 @@ from torch import Tensor, nn
 from cospeech.corpus.batch import GestureBatch
 from cospeech.methods.multi_adversary.adversaries import Views
 from cospeech.methods.multi_adversary.history import WeightHistory
-from cospeech.methods.multi_adversary.losses import (
-    combined_loss,
-    continuity_loss,
-    finger_loss,
-    finger_offsets,
-)
+from cospeech.methods.multi_adversary.losses import continuity_loss, finger_loss, finger_offsets
 from cospeech.methods.multi_adversary.players import Players
-from cospeech.methods.multi_adversary.stages import Progress, Stage
+from cospeech.training.losses import WeighedLosses
+from cospeech.training.stages import Progress
 
 Logs = dict[str, Tensor]
 
@@ -67,7 +64,7 @@ class StageSteps:
         settings: Numbers.
         descend: Takes a step of an optimiser: ``classifier``, ``pretraining``,
             ``pretraining_phase``, ``pretraining_motion``, ``rehearsal``, ``generator``,
-            ``correction``, or an adversary's name.
+            ``correction``, or ``adversary_NAME``.
     """
 
     def __init__(
@@ -81,8 +78,13 @@ class StageSteps:
         self.players, self.views, self.history = players, views, history
         self.settings, self._descend = settings, descend
 
-    def take(self, progress: Progress, batch: GestureBatch) -> Logs:
+    def take(self, progress: Progress, batch: GestureBatch, level: int = 0) -> Logs:
         """One step of the stage that the training is in.
+
+        Args:
+            progress: Where it stands.
+            batch: Windows, every ``run`` of them consecutive.
+            level: Of the curriculum.
 
         Returns:
             What is to be logged.
@@ -91,16 +93,16 @@ class StageSteps:
         settings = self.settings
         rates = settings.pretraining_dropout if first else settings.adversarial_dropout
         self.players.set_dropout(*rates)
-        steps: dict[Stage, Callable[[Progress, GestureBatch], Logs]] = {
-            "classifier": self._classifier,
-            "pretraining": self._pretraining,
-            "phase_curriculum": self._phase_curriculum,
-            "motion_pretraining": self._motion_pretraining,
-            "adversarial": self._adversarial,
+        steps: dict[str, Callable[[], Logs]] = {
+            "classifier": partial(self._classifier, batch),
+            "pretraining": partial(self._pretraining, batch, progress.step),
+            "phase_curriculum": partial(self._phase_curriculum, batch, level),
+            "motion_pretraining": partial(self._motion_pretraining, batch),
+            "adversarial": partial(self._adversarial, batch, progress.step),
         }
-        return steps[progress.stage](progress, batch)
+        return steps[progress.stage]()
 
-    def _classifier(self, progress: Progress, batch: GestureBatch) -> Logs:
+    def _classifier(self, batch: GestureBatch) -> Logs:
         assert self.players.student is not None
         run, frames = self.settings.run, self.settings.frames
         shift = int(torch.randint(frames, ())) if run > 1 else 0
@@ -108,18 +110,17 @@ class StageSteps:
         self._descend("classifier", loss, LARGEST_CLASSIFIER_NORM)
         return {"classifier_loss": loss, "classifier_accuracy": accuracy}
 
-    def _pretraining(self, progress: Progress, batch: GestureBatch) -> Logs:
-        if progress.step == 0:
+    def _pretraining(self, batch: GestureBatch, step: int) -> Logs:
+        if step == 0:
             self.history.note(0, self.players.generator)
         speech, poses = self._inputs(batch)
         error = nn.functional.mse_loss(self.players.generator(speech), poses)
         self._descend("pretraining", error)
-        self.history.note(progress.step + 1, self.players.generator)
+        self.history.note(step + 1, self.players.generator)
         return {"pretraining_mse": error}
 
-    def _phase_curriculum(self, progress: Progress, batch: GestureBatch) -> Logs:
+    def _phase_curriculum(self, batch: GestureBatch, level: int) -> Logs:
         speech, poses = self._inputs(batch)
-        level = progress.curriculum.level
         # In training mode and with later stages' dropout: as the fakes that are to come.
         generator = self.history.generator(level, self.players.generator).train()
         generator.set_dropout(*self.settings.adversarial_dropout)
@@ -135,7 +136,7 @@ class StageSteps:
             "curriculum_level": torch.tensor(float(level)),
         }
 
-    def _motion_pretraining(self, progress: Progress, batch: GestureBatch) -> Logs:
+    def _motion_pretraining(self, batch: GestureBatch) -> Logs:
         assert self.players.rehearsal is not None
         speech, poses = self._inputs(batch)
         real = self._view("motion", poses, batch)
@@ -146,62 +147,66 @@ class StageSteps:
         logs["motion_adversarial"] = against
         return {f"rehearsal_{key}": value for key, value in logs.items()}
 
-    def _adversarial(self, progress: Progress, batch: GestureBatch) -> Logs:
+    def _adversarial(self, batch: GestureBatch, step: int) -> Logs:
         """One step of every adversary, one against them, and at times an objective one.
 
         Both kinds of steps see the same batch, so that batch norm sees the same kind (spec B.7,
         trap 6).
         """
         speech, poses = self._inputs(batch)
-        logs = Logs()
-        if self.players.adversaries:
-            generated = self.players.generator(speech)
-            against = Logs()
-            for name, adversary in self.players.adversaries.items():
-                with torch.no_grad():
-                    real = self._view(name, poses, batch)
-                with torch.set_grad_enabled(adversary.weight > 0):
-                    fake = self._view(name, generated, batch)
-                logs |= self._train_adversary(name, name, real, fake)
-                with torch.set_grad_enabled(adversary.weight > 0):
-                    against[name] = adversary.generator_loss(fake)
-                logs[f"{name}_adversarial"] = against[name]
-            weights = {name: player.weight for name, player in self.players.adversaries.items()}
-            loss = combined_loss(against, weights)
-            if loss is not None:
-                self._descend("generator", loss)
-                logs["adversarial"] = loss
-        if (progress.step + 1) % self.settings.steps_per_correction == 0:
+        adversaries, logs = self.players.adversaries, Logs()
+        generated = self.players.generator(speech) if adversaries else poses
+        # Equation 3: 2 : 4 : 4 : 1 over 11 with all four.
+        sum_of_weights = sum(adversary.weight for adversary in adversaries.values()) or 1
+        against = WeighedLosses()
+        for name, adversary in adversaries.items():
+            weight, shown = adversary.weight / sum_of_weights, (name, poses, generated, batch)
+            against.add(f"{name}_adversarial", weight, self._play, *shown, logs)
+        logs |= against.values
+        if against.total is not None:
+            self._descend("generator", against.total)
+            logs["adversarial"] = against.total
+        if (step + 1) % self.settings.steps_per_correction == 0:
             logs |= self._correct(speech, poses)
         return logs
+
+    def _play(
+        self, name: str, poses: Tensor, generated: Tensor, batch: GestureBatch, logs: Logs
+    ) -> Tensor:
+        """A step of an adversary, whose logs are added; then the generator's loss against it."""
+        with torch.no_grad():
+            real = self._view(name, poses, batch)
+        fake = self._view(name, generated, batch)
+        logs |= self._train_adversary(name, f"adversary_{name}", real, fake)
+        return self.players.adversaries[name].generator_loss(fake)
 
     def _correct(self, speech: Tensor, poses: Tensor) -> Logs:
         """The objective step: MSE, continuity and finger distance (section 7.2)."""
         generated = self.players.generator(speech)
-        parts = {"mse": nn.functional.mse_loss(generated, poses)}
-        settings = self.settings
-        weights = {
-            "mse": 1.0,
-            "continuity": settings.continuity_weight,
-            "fingers": settings.finger_weight,
-        }
-        with torch.set_grad_enabled(settings.continuity_weight > 0):
-            parts["continuity"] = continuity_loss(generated, settings.run)
-        scales, tips = self.players.scales, self.players.scales.finger_tips
-        if tips:
-            with torch.set_grad_enabled(settings.finger_weight > 0):
-                parts["fingers"] = finger_loss(
-                    finger_offsets(scales.joints(generated), tips),
-                    finger_offsets(scales.joints(poses), tips),
-                    scales.finger_deviation,
-                )
-        loss = torch.stack([weights[name] * part for name, part in parts.items()]).sum()
-        self._descend("correction", loss)
-        return {**parts, "correction": loss}
+        settings, losses = self.settings, WeighedLosses()
+        losses.add("mse", 1, nn.functional.mse_loss, generated, poses)
+        losses.add(
+            "continuity", settings.continuity_weight, continuity_loss, generated, settings.run
+        )
+        scales = self.players.scales
+        if scales.finger_tips:
+            losses.add("fingers", settings.finger_weight, self._fingers, generated, poses)
+        assert losses.total is not None
+        self._descend("correction", losses.total)
+        return {**losses.values, "correction": losses.total}
 
+    def _fingers(self, generated: Tensor, poses: Tensor) -> Tensor:
+        scales = self.players.scales
+        made, real = (
+            finger_offsets(scales.joints(shown), scales.finger_tips) for shown in (generated, poses)
+        )
+        return finger_loss(made, real, scales.finger_deviation)
+
+    @torch.enable_grad()
     def _train_adversary(
         self, name: str, optimizer: str, real_view: Tensor, fake_view: Tensor
     ) -> Logs:
+        """A step of an adversary, which learns even where the generator doesn't feel it."""
         adversary = self.players.adversaries[name]
         real, fake = adversary.outputs(real_view, fake_view)
         loss = adversary.losses.discriminator(real, fake)
@@ -217,4 +222,5 @@ class StageSteps:
         return scales.speech(batch.require("acoustics")), scales.poses(batch.require("joints"))
 
     def _view(self, name: str, poses: Tensor, batch: GestureBatch) -> Tensor:
-        return self.views.of(name, poses, batch.require("acoustics"))
+        adversary = self.players.adversaries[name]
+        return adversary.view(self.views, poses, batch.require("acoustics"))

@@ -12,24 +12,15 @@ from lightning.pytorch.core.optimizer import LightningOptimizer
 from torch import Tensor, nn
 
 from cospeech.adversarial.adversary import Adversary
-from cospeech.adversarial.losses import NON_SATURATING
+from cospeech.adversarial.losses import ON_PROBABILITIES, chosen_losses
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import ConfigError, CospeechError
+from cospeech.errors import ConfigError, CospeechError, require_choice, require_range
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
-from cospeech.methods.trimodal.losses import (
-    diversity_loss,
-    reconstruction_loss,
-    style_divergence,
-)
-from cospeech.methods.trimodal.networks import (
-    Context,
-    ConvDiscriminator,
-    Generator,
-    Style,
-)
+from cospeech.methods.trimodal.losses import diversity_loss, reconstruction_loss, style_divergence
+from cospeech.methods.trimodal.networks import Context, ConvDiscriminator, Generator, Style
 from cospeech.methods.trimodal.synthesis import (
     Synthesiser,
     SynthesisOptions,
@@ -42,6 +33,8 @@ from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
 from cospeech.speech.vocabulary import Vocabulary
 from cospeech.speech.word_vectors import load_word_vectors
+from cospeech.training.losses import WeighedLosses
+from cospeech.training.steps import descend, log_losses
 
 logger = logging.getLogger(__name__)
 
@@ -81,6 +74,7 @@ class Trimodal(GestureMethod):
             ``load_from_checkpoint(path, word_vectors=...)`` names it anew.
         huber_weight: Weight of the reconstruction loss.
         adversarial_weight: Weight of the adversarial loss.
+        adversarial_loss: Its name among `cospeech.adversarial.losses.ON_PROBABILITIES`.
         diversity_weight: Weight of the diversity loss; 0 switches the KLD off too, as published.
         kld_weight: Weight of the KL divergence of the style space.
         adversarial_start_epoch: First epoch, counted from 0, with the adversary (the code compares
@@ -122,6 +116,7 @@ class Trimodal(GestureMethod):
         word_vectors: str | None = None,
         huber_weight: float = 500.0,
         adversarial_weight: float = 5.0,
+        adversarial_loss: str = "non_saturating",
         diversity_weight: float = 0.05,
         kld_weight: float = 0.1,
         adversarial_start_epoch: int = 11,
@@ -137,12 +132,11 @@ class Trimodal(GestureMethod):
         subwords: bool = True,
     ) -> None:
         super().__init__()
-        _check_choice("context", context, get_args(Context))
-        _check_choice("word_timing", word_timing, get_args(WordTiming))
-        _check_choice("style", style, get_args(Style))
-        _check_choice("word_embedding", word_embedding, get_args(WordEmbedding))
-        if not 1 <= layers <= MOST_LAYERS:
-            raise ConfigError(f"layers={layers}: must be from 1 to {MOST_LAYERS}")
+        require_choice("model.context", context, get_args(Context))
+        require_choice("model.word_timing", word_timing, get_args(WordTiming))
+        require_choice("model.style", style, get_args(Style))
+        require_choice("model.word_embedding", word_embedding, get_args(WordEmbedding))
+        require_range("model.layers", layers, 1, MOST_LAYERS)
         if word_embedding == "scratch" and word_vectors is not None:
             raise ConfigError(
                 "word_embedding=scratch starts from no vectors, but word_vectors names a file",
@@ -194,7 +188,7 @@ class Trimodal(GestureMethod):
             ConvDiscriminator(
                 self.window.frames, dropout=dropout, corrected_activations=corrected_activations
             ),
-            NON_SATURATING,
+            chosen_losses(adversarial_loss, ON_PROBABILITIES, "model.adversarial_loss"),
             weight=adversarial_weight,
             start_epoch=adversarial_start_epoch,
         )
@@ -235,44 +229,27 @@ class Trimodal(GestureMethod):
         speech = self._encode_speech(batch)
         z, posterior = self.generator.draw_style(speakers, self._style_noise(len(batch)))
         poses = self.generator.decode(seed_poses, speech, z)
-        logs = {}
+        losses, logs = WeighedLosses(), dict[str, Tensor]()
 
         if playing:
             own_loss = self.adversary.own_loss(target, poses)
-            discriminator_optimizer.zero_grad()
-            self.manual_backward(own_loss)
-            discriminator_optimizer.step()
-            logs["train/discriminator"] = own_loss
+            descend(self, discriminator_optimizer, own_loss)
+            logs["discriminator"] = own_loss
 
-        huber = reconstruction_loss(poses, target)
-        loss = self.huber_weight * huber
-        logs["train/huber"] = huber
+        losses.add("huber", self.huber_weight, reconstruction_loss, poses, target)
         # Evaluated in every epoch, as published: it moves the discriminator's running statistics.
-        felt = playing and self.adversary.weight > 0
-        with torch.set_grad_enabled(felt):
-            adversarial = self.adversary.generator_loss(poses if felt else poses.detach())
-        if felt:
-            loss = loss + self.adversary.weight * adversarial
-        logs["train/adversarial"] = adversarial
+        weight = self.adversary.weight if playing else 0
+        losses.add("adversarial", weight, self.adversary.generator_loss, poses)
         if z is not None:
-            felt = self.diversity_weight > 0
-            with torch.set_grad_enabled(felt):
-                diversity = self._diversity(poses, seed_poses, speech, z, speakers)
-                logs["train/diversity"] = diversity
-                if felt:
-                    loss = loss + self.diversity_weight * diversity
-            if posterior is not None:
-                kld = style_divergence(posterior.mu, posterior.logvar)
-                logs["train/kld"] = kld
-                if felt and self.kld_weight > 0:
-                    loss = loss + self.kld_weight * kld
-        generator_optimizer.zero_grad()
-        self.manual_backward(loss)
-        generator_optimizer.step()
-        logs["train/loss"] = loss
-        losses = {name: value.detach() for name, value in logs.items()}
-        self.log_dict(losses, on_step=False, on_epoch=True, batch_size=len(batch), sync_dist=True)
-        return losses
+            shown = (poses, seed_poses, speech, z, speakers)
+            losses.add("diversity", self.diversity_weight, self._diversity, *shown)
+        if posterior is not None:
+            weight = self.kld_weight if self.diversity_weight > 0 else 0
+            losses.add("kld", weight, style_divergence, posterior.mu, posterior.logvar)
+        if losses.total is not None:
+            descend(self, generator_optimizer, losses.total)
+            logs["loss"] = losses.total
+        return log_losses(self, logs | losses.values, len(batch))
 
     def _diversity(
         self, poses: Tensor, seed_poses: Tensor, speech: Tensor, z: Tensor, speakers: Tensor
@@ -385,8 +362,3 @@ class Trimodal(GestureMethod):
             yield
         finally:
             self.generator.train(training)
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ConfigError(f"{name}={value!r} is not one of {', '.join(choices)}")

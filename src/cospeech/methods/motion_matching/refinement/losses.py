@@ -1,4 +1,4 @@
-"""Wasserstein losses with gradient penalty (section 3.2, equations 1 to 3; spec A.6)."""
+"""What is beside the Wasserstein loss (section 3.2, equations 1 to 3; spec A.6)."""
 
 from __future__ import annotations
 
@@ -8,26 +8,11 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from cospeech.adversarial.losses import GanLosses
 from cospeech.errors import ConfigError
 
 PenaltyPoints = Literal["interpolates", "generated"]
 """Where the critic's slope is held at 1: between real and generated windows (Gulrajani et al. 2017,
 and the published code), or at the generated ones alone, as equation 2 is printed."""
-
-
-def wasserstein_critic_loss(real: Tensor, fake: Tensor) -> Tensor:
-    """``mean D(fake) - mean D(real)``: equation 1 for the critic, who makes it small."""
-    return fake.mean() - real.mean()
-
-
-def wasserstein_generator_loss(fake: Tensor) -> Tensor:
-    """``-mean D(fake)``."""
-    return -fake.mean()
-
-
-WASSERSTEIN = GanLosses(wasserstein_critic_loss, wasserstein_generator_loss)
-"""WGAN on scores without bounds; wants `gradient_penalty` beside it."""
 
 
 def penalty_points(

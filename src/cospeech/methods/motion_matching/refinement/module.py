@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import copy
-import logging
 from pathlib import Path
-from typing import ClassVar, cast, get_args
+from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
 import torch
@@ -14,11 +13,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from cospeech.adversarial.adversary import Adversary
+from cospeech.adversarial.losses import ON_SCORES, chosen_losses
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, require_choice, require_range
 from cospeech.matching.control import Controls
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import database_folder
@@ -28,7 +28,6 @@ from cospeech.matching.synthesis import InitialPose, MatchingSettings
 from cospeech.matching.tracks import HEAD_ROLES
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.methods.motion_matching.refinement.losses import (
-    WASSERSTEIN,
     PenaltyPoints,
     gradient_penalty,
     reconstruction_loss,
@@ -41,8 +40,10 @@ from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.skeleton import Skeleton
 from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_features, with_slopes
 from cospeech.speech.speech import Speech
-
-logger = logging.getLogger(__name__)
+from cospeech.training.losses import WeighedLosses
+from cospeech.training.stages import Progress, Schedule
+from cospeech.training.staging import TrainsInStages
+from cospeech.training.steps import descend, log_losses
 
 REFINED = "k-NN + cGAN"
 """Name of the stage that is the refinement's output."""
@@ -51,7 +52,7 @@ SPEECH_CHANNELS = 2 * STATIC_CHANNELS
 """Cepstra, energy, and the changes of both."""
 
 
-class RefinedMotionMatching(MatchedMethod):
+class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     """k-NN search, then a cGAN that makes its output like real motion to the same speech.
 
     The first training step finds the database and the training pairs ready: they are made before,
@@ -80,6 +81,7 @@ class RefinedMotionMatching(MatchedMethod):
         critic_width: Channels of the critic's first convolutions.
         reconstruction_weight: Of the distance from what was matched.
         adversarial_weight: Of the critic's verdict.
+        adversarial_loss: Name among `cospeech.adversarial.losses.ON_SCORES`.
         penalty_weight: Of the gradient penalty.
         penalty_at: ``"interpolates"``, or ``"generated"`` as equation 2 is printed.
         critic_updates: Length of the training (the published 300,000 iterations).
@@ -102,8 +104,6 @@ class RefinedMotionMatching(MatchedMethod):
     needs = frozenset({"positions", "joints", "matched", "cepstra", "speakers"})
     monitor: ClassVar[str] = "val/selection"
 
-    updates_done: Tensor
-
     def __init__(
         self,
         corpus: CorpusFacts,
@@ -124,6 +124,7 @@ class RefinedMotionMatching(MatchedMethod):
         critic_width: int = 512,
         reconstruction_weight: float = 0.1,
         adversarial_weight: float = 1.0,
+        adversarial_loss: str = "wasserstein",
         penalty_weight: float = 100.0,
         penalty_at: PenaltyPoints = "interpolates",
         critic_updates: int = 300_000,
@@ -162,11 +163,8 @@ class RefinedMotionMatching(MatchedMethod):
             ("adversarial_weight", adversarial_weight, 0),
             ("penalty_weight", penalty_weight, 0),
         ):
-            if value < least:
-                raise ConfigError(f"model.{name}={value}: must be at least {least}")
-        if penalty_at not in get_args(PenaltyPoints):
-            known = ", ".join(get_args(PenaltyPoints))
-            raise ConfigError(f"model.penalty_at={penalty_at!r} is not one of {known}")
+            require_range(f"model.{name}", value, least)
+        require_choice("model.penalty_at", penalty_at, get_args(PenaltyPoints))
         if not 0 <= averaging < 1:
             raise ConfigError(f"model.averaging={averaging}: must be from 0 to below 1")
         self.save_hyperparameters(logger=False)
@@ -181,7 +179,6 @@ class RefinedMotionMatching(MatchedMethod):
         self.pairs_seed = pairs_seed
         self.reconstruction_weight = reconstruction_weight
         self.penalty_weight, self.penalty_at = penalty_weight, penalty_at
-        self.critic_updates = critic_updates
         self.critic_updates_per_generator = critic_updates_per_generator
         self.learning_rate, self.betas, self.weight_decay = learning_rate, betas, weight_decay
         self.averaging = averaging
@@ -192,11 +189,12 @@ class RefinedMotionMatching(MatchedMethod):
         self.averaged = copy.deepcopy(self.generator).requires_grad_(False)
         self.adversary = Adversary(
             Critic(SPEECH_CHANNELS + numbers, self.window.frames, critic_width),
-            WASSERSTEIN,
+            chosen_losses(adversarial_loss, ON_SCORES, "model.adversarial_loss"),
             weight=adversarial_weight,
             start_epoch=0,
         )
-        self.register_buffer("updates_done", torch.zeros((), dtype=torch.int64))
+        self.schedule = Schedule(("refinement",), {"refinement": critic_updates})
+        self.progress = Progress("refinement")
 
     # Training ------------------------------------------------------------------------------
 
@@ -216,29 +214,14 @@ class RefinedMotionMatching(MatchedMethod):
             self.matching.k,
         )
 
-    def on_train_start(self) -> None:
-        """Take the statistics of the training motion; a resumed run has them."""
-        if self.updates_done == 0:
-            loader = self.trainer.train_dataloader
-            assert isinstance(loader, WindowLoader)
-            assert isinstance(loader.dataset, PairWindows)
-            windows = loader.dataset
-            self.scales.fit(torch.from_numpy(windows.joints), torch.from_numpy(windows.cepstra))
-
-    @property
-    def steps_left(self) -> int:
-        """Critic updates to the end of the schedule."""
-        return max(0, self.critic_updates - int(self.updates_done))
-
-    @property
-    def in_last_stage(self) -> bool:
-        """There is one stage."""
-        return True
-
-    def on_train_epoch_start(self) -> None:
-        """A finished training that is resumed has nothing to do."""
-        if self.steps_left == 0:
-            self.trainer.should_stop = True
+    def measure_corpus(self) -> dict[str, Any]:
+        """Take the statistics of the training motion."""
+        loader = self.trainer.train_dataloader
+        assert isinstance(loader, WindowLoader)
+        assert isinstance(loader.dataset, PairWindows)
+        windows = loader.dataset
+        self.scales.fit(torch.from_numpy(windows.joints), torch.from_numpy(windows.cepstra))
+        return {}
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
         """Adam for the generator, Adam for the critic."""
@@ -252,65 +235,48 @@ class RefinedMotionMatching(MatchedMethod):
             for network in (self.generator, self.adversary)
         ]
 
-    def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor] | None:
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor]:
         """One critic update, and a generator update before every fifth (spec A.6)."""
-        if self.steps_left == 0:
-            return None
         generator_optimizer, critic_optimizer = cast(list[LightningOptimizer], self.optimizers())
         speech = self.scales.speech(batch.require("cepstra"))
         real = self.scales.poses(batch.require("joints"))
         matched = self.scales.poses(batch.require("matched"))
-        moves = int(self.updates_done) % self.critic_updates_per_generator == 0
+        moves = self.progress.step % self.critic_updates_per_generator == 0
         with torch.set_grad_enabled(moves):
             refined = self.generator(speech, matched)
         heard_real = torch.cat([speech, real], dim=2)
         heard_refined = torch.cat([speech, refined], dim=2)
-        logs: dict[str, Tensor] = {}
+        critic, generator = WeighedLosses(), WeighedLosses()
 
-        critic = self.adversary.own_loss(heard_real, heard_refined)
-        loss = critic
+        critic.add("critic", 1, self.adversary.own_loss, heard_real, heard_refined)
         if self.penalty_weight > 0:
-            penalty = gradient_penalty(
-                self.adversary.discriminator, heard_real, heard_refined, self.penalty_at
-            )
-            loss = loss + self.penalty_weight * penalty
-            logs["train/penalty"] = penalty
-        critic_optimizer.zero_grad()
-        self.manual_backward(loss)
-        critic_optimizer.step()
-        logs["train/critic"] = critic
+            shown = (self.adversary.discriminator, heard_real, heard_refined, self.penalty_at)
+            critic.add("penalty", self.penalty_weight, gradient_penalty, *shown)
+        descend(self, critic_optimizer, critic.total)
 
         if moves:
-            felt = self.adversary.weight > 0
-            with torch.set_grad_enabled(felt):
-                adversarial = self.adversary.generator_loss(heard_refined)
-            reconstruction = reconstruction_loss(matched, refined)
-            loss = self.reconstruction_weight * reconstruction
-            if felt:
-                loss = loss + self.adversary.weight * adversarial
-            generator_optimizer.zero_grad()
-            self.manual_backward(loss)
-            generator_optimizer.step()
+            generator.add(
+                "reconstruction", self.reconstruction_weight, reconstruction_loss, matched, refined
+            )
+            generator.add(
+                "adversarial", self.adversary.weight, self.adversary.generator_loss, heard_refined
+            )
+            descend(self, generator_optimizer, generator.total)
             self._average()
-            logs |= {"train/adversarial": adversarial, "train/reconstruction": reconstruction}
-        self.updates_done += 1
-        if self.steps_left == 0:
-            logger.info("all %d critic updates are done", self.critic_updates)
-            self.trainer.should_stop = True
-        losses = {name: value.detach() for name, value in logs.items()}
-        self.log_dict(losses, on_step=False, on_epoch=True, batch_size=len(batch), sync_dist=True)
-        return losses
+        logged = log_losses(self, critic.values | generator.values, len(batch))
+        self.finish_step()
+        return logged
 
     @torch.no_grad()
     def _average(self) -> None:
         # Early on the average follows closely, or it would long remember the first weights.
-        updates = int(self.updates_done) // self.critic_updates_per_generator
+        updates = self.progress.step // self.critic_updates_per_generator
         decay = min(self.averaging, (1 + updates) / (10 + updates))
         pairs = zip(self.averaged.parameters(), self.generator.parameters(), strict=True)
         for averaged, now in pairs:
             averaged.lerp_(now, 1 - decay)
-        for kept, current in zip(self.averaged.buffers(), self.generator.buffers(), strict=True):
-            kept.copy_(current)
+        for average, current in zip(self.averaged.buffers(), self.generator.buffers(), strict=True):
+            average.copy_(current)
 
     def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """The criterion that selects checkpoints: FGD times the seam's distance from 1, as ratio.

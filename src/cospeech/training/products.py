@@ -15,11 +15,11 @@ from cospeech.nn.weights_file import read_weights, write_weights
 
 logger = logging.getLogger(__name__)
 
-FORMAT = "cospeech.multi_adversary.product"
+FORMAT = "cospeech.product"
 LARGEST_BYTES = 2 * 2**30
-"""The history of a pre-training holds the generator many times over."""
+"""A product may hold a network many times over."""
 
-VERSION = 2
+VERSION = 3
 """Counted up when a stage's code changes, as older products aren't what it would make."""
 
 
@@ -42,7 +42,7 @@ class Products:
     """A folder of products, ``<stage>-<key>.pt``: plain tensors and values.
 
     Args:
-        folder: Where they are; None keeps and finds nothing.
+        folder: Where they are; None writes and finds nothing.
     """
 
     def __init__(self, folder: str | None) -> None:
@@ -52,14 +52,14 @@ class Products:
         """Where the product of a stage is or would be."""
         return None if self.folder is None else self.folder / f"{stage}-{key[:16]}.pt"
 
-    def keep(self, stage: str, key: str, content: dict[str, Any]) -> None:
+    def write(self, stage: str, key: str, content: dict[str, Any]) -> None:
         """Write a product; the file appears only when complete."""
         path = self.path(stage, key)
         if path is None:
             return
         values = {"format": FORMAT, "key": key, "stage": stage, "content": content}
         write_weights(path, values)
-        logger.info("%s is done; kept in %s", stage, path)
+        logger.info("%s is done; its product is %s", stage, path)
 
     def find(self, stage: str, key: str) -> dict[str, Any] | None:
         """The content of a product; None, with a warning where it is damaged, if there is none."""

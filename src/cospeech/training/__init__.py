@@ -1,0 +1,1 @@
+"""What trainings of several methods are made of: weighed losses, stages and their products."""
