@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Dropped
 from cospeech.corpus.windows import WindowDataset, WindowSpec
-from cospeech.errors import ConfigError, CospeechError, InputFileError
+from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.berkeley.audio import AudioFile, read_audio
 from cospeech.formats.berkeley.interval_frames import (
     MAX_STRETCH_FRAMES,
@@ -554,10 +554,6 @@ def test_a_store_of_the_2d_set(tmp_path):
     store = data.prepare_store()
     assert [len(store.splits[split]) for split in ("train", "val", "test")] == [8, 2, 2]
     assert store.dimensions == 2
-    with pytest.raises(ConfigError, match="berkeley2d"):
-        WindowDataset(store, "train", WindowSpec(15.0, 64, 0, 5), frozenset({"positions"}))
-    with pytest.raises(ConfigError, match="needs 3-D positions"):
-        data.refuse_impossible("trimodal", frozenset({"positions"}))
     # 100 frames: starts 0 to 35 in steps of 5.
     windows = WindowDataset(store, "train", WindowSpec(15.0, 64, 0, 5), frozenset({"audio"}))
     assert len(windows) == 8 * 8

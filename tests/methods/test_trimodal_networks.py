@@ -1,4 +1,4 @@
-"""The trimodal networks against the published ones: outputs, names, sizes, receptive fields."""
+"""The trimodal networks: sizes, receptive fields, and what each input reaches."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,6 @@ import torch
 
 from cospeech.methods.trimodal.encoders import AudioEncoder, TextEncoder, WeightNormConv1d
 from cospeech.methods.trimodal.networks import ConvDiscriminator, Generator, Posterior
-from tests.parity_formulas import expected, fill, inputs, published_shapes
-
-CONTEXTS = ("both", "audio", "text")
 
 
 def count(module: torch.nn.Module) -> int:
@@ -27,51 +24,6 @@ def small_inputs() -> tuple[torch.Tensor, ...]:
     seeds[:, :4] = torch.randn(2, 4, 28)
     words = torch.randint(12, (2, 34))
     return seeds, words, torch.randn(2, 36_267), torch.tensor([1, 2])
-
-
-@pytest.mark.parametrize("context", CONTEXTS)
-def test_generator_tensors_are_the_published_ones_in_order(shared, context):
-    state = Generator(50, 5, context=context).state_dict()
-    ours = [(name, tuple(tensor.shape)) for name, tensor in state.items()]
-    assert ours == list(published_shapes(shared, f"generator_{context}").items())
-
-
-def test_discriminator_tensors_are_the_published_ones_in_order(shared):
-    state = ConvDiscriminator().state_dict()
-    ours = [(name, tuple(tensor.shape)) for name, tensor in state.items()]
-    assert ours == list(published_shapes(shared, "discriminator").items())
-
-
-@pytest.mark.parametrize("context", CONTEXTS)
-def test_generator_output_is_the_published_one(shared, context):
-    generator = fill(Generator(50, 5, context=context)).eval()
-    x = inputs()
-    with torch.no_grad():
-        output = generator(x["seed_poses"], x["words"], x["audio"], x["speakers"])
-    published = expected(shared)
-    for name, value in (("out", output.poses), ("mu", output.mu), ("logvar", output.logvar)):
-        np.testing.assert_allclose(
-            value.numpy(), published[f"generator_{context}_{name}"], atol=1e-4, rtol=0
-        )
-
-
-def test_encoder_features_are_the_published_ones(shared):
-    generator = fill(Generator(50, 5)).eval()
-    x, published = inputs(), expected(shared)
-    with torch.no_grad():
-        audio = generator.audio_encoder(x["audio"])
-        text = generator.text_encoder(x["words"])
-    np.testing.assert_allclose(audio.numpy(), published["audio_features"], atol=1e-4, rtol=0)
-    np.testing.assert_allclose(text.numpy(), published["text_features"], atol=1e-4, rtol=0)
-
-
-def test_discriminator_output_is_the_published_one(shared):
-    discriminator = fill(ConvDiscriminator()).eval()
-    with torch.no_grad():
-        output = discriminator(inputs()["poses"])
-    np.testing.assert_allclose(
-        output.numpy(), expected(shared)["discriminator_out"], atol=1e-4, rtol=0
-    )
 
 
 def test_parameter_counts_are_the_measured_ones():

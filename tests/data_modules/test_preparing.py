@@ -1,4 +1,4 @@
-"""What every data module must do. The embedded corpus and a folder of BVH stand for their kinds."""
+"""How stores are prepared, on the embedded corpus and a folder of BVH."""
 
 import json
 import os
@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.bvh import write_bvh
 from cospeech.motion.kinematics import skeleton_positions
@@ -68,11 +67,6 @@ OFFSETS = np.array(
 )
 
 
-class Windows:
-    window = WindowSpec(15, 34, 4, 10)
-    needs = frozenset({"positions", "audio", "words", "speakers"})
-
-
 def write_take(folder, name, seconds=20.0, seed=0):
     """A take of 30 fps with swinging arms and a matching wav, without a transcript."""
     rng = np.random.default_rng(seed)
@@ -114,14 +108,6 @@ def mocap(store_dir, root, **changes):
     return MocapData(root=str(root), store_dir=str(store_dir), **{**COMMON, **settings, **changes})
 
 
-@pytest.fixture(scope="module", params=["synthetic", "mocap"])
-def data(request, tmp_path_factory, bvh_folder):
-    folder = tmp_path_factory.mktemp("stores")
-    module = synthetic(folder) if request.param == "synthetic" else mocap(folder, bvh_folder)
-    module.attach(Windows)
-    return module
-
-
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
@@ -143,55 +129,6 @@ def test_four_minutes_are_one_corpus_however_they_are_written(tmp_path):
     whole, point = synthetic(tmp_path, minutes=4), synthetic(tmp_path, minutes=4.0)
     assert json.dumps(point.settings()) == json.dumps(whole.settings())
     assert synthetic(tmp_path, minutes=4.5).settings()["minutes"] == 4.5
-
-
-def test_batches_have_the_fields_that_were_asked_for(data):
-    for batches in (data.train_dataloader(), data.val_dataloader(), data.test_dataloader()):
-        batch = next(iter(batches))
-        count = len(batch)
-        assert batch.positions.shape == (count, 34, 10, 3)
-        assert batch.audio.shape == (count, 36_267)
-        assert batch.words.shape == (count, 34)
-        assert batch.speakers.shape == (count,)
-        assert batch.positions.isfinite().all()
-        assert batch.audio.abs().max() <= 1
-
-
-def test_no_frame_is_in_two_splits(data):
-    store = data.prepare_store()
-    seen = set()
-    for spans in store.splits.values():
-        for span in spans:
-            frames = {(span.recording, frame) for frame in range(span.start, span.stop)}
-            assert not frames & seen
-            seen |= frames
-
-
-def test_people_look_like_people(data):
-    """Axes: the head is up, the left arm at +x, the nose in front; metres."""
-    store = data.prepare_store()
-    upper = np.concatenate([store.upper_body(i) for i in range(len(store.recordings))])
-    mean = upper.mean(0)
-    spine, neck, nose, head, left_shoulder, *_ = mean
-    right_shoulder = mean[7]
-    assert 0.15 < neck[1] - spine[1] < 0.45
-    assert head[1] > neck[1]
-    assert left_shoulder[0] > 0.08
-    assert right_shoulder[0] < -0.08
-    assert nose[2] > neck[2]
-
-
-def test_opening_again_reads_the_same_store(data):
-    store = data.prepare_store()
-    before = (store.path / "manifest.json").stat().st_mtime_ns
-    data._store = None
-    assert (data.prepare_store().path / "manifest.json").stat().st_mtime_ns == before
-
-
-def test_other_settings_make_another_store(tmp_path, bvh_folder):
-    first = mocap(tmp_path, bvh_folder).prepare_store()
-    second = mocap(tmp_path, bvh_folder, val_share=0.3).prepare_store()
-    assert first.path != second.path
 
 
 def test_another_split_of_the_same_recordings_reads_nothing_again(tmp_path, bvh_folder):
