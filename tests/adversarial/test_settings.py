@@ -18,7 +18,7 @@ class Tower(SettableAdversary):
     def network(inputs, floors: int = 2, tilt: float = 0.1, label: str = "x", open: bool = True):
         return torch.nn.Sequential(*(torch.nn.Linear(inputs, inputs) for _ in range(floors)))
 class Thing:
-    pass
+    network = None
 def tower(*_, **__):
     raise SystemExit
 """
@@ -94,7 +94,7 @@ def test_a_class_from_elsewhere_is_refused_and_nothing_of_it_imported(folder, pa
     assert "homegrown.towers" not in sys.modules
 
 
-@pytest.mark.parametrize("name", ["Thing", "tower", "torch", "Missing"])
+@pytest.mark.parametrize("name", ["Thing", "tower", "torch", "Missing", "SettableAdversary"])
 def test_what_is_no_adversary_is_refused_and_not_called(folder, name):
     with pytest.raises(ConfigError, match=f"homegrown.towers.{name} is no subclass of"):
         homegrown({"tower": {"class": f"homegrown.towers.{name}", "weight": 1}})

@@ -120,8 +120,10 @@ def _class(path: Any, base: type[Kind], packages: Iterable[str], place: str) -> 
         found = getattr(import_module(module), name, None)
     except ImportError as error:
         raise ConfigError(f"{place}={path}: {error}") from None
-    if not isinstance(found, type) or not issubclass(found, base):
-        raise ConfigError(f"{place}={path} is no subclass of {base.__module__}.{base.__name__}")
+    if not isinstance(found, type) or not issubclass(found, base) or not hasattr(found, "network"):
+        raise ConfigError(
+            f"{place}={path} is no subclass of {base.__module__}.{base.__name__} with a network"
+        )
     return found
 
 
