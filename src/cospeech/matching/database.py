@@ -157,8 +157,11 @@ class MatchingDatabase:
         Returns:
             ``(F, Da)`` at ``spec.fps``.
         """
+        return self.queries_of(sphinx_features(waveform, self.spec.fps, frames))
+
+    def queries_of(self, channels: NDArray[np.float32]) -> NDArray[np.float32]:
+        """As `audio_queries`, of the ``(F, 14)`` channels of speech up to its end."""
         spec = self.spec
-        channels = sphinx_features(waveform, spec.fps, frames)
         count, reach = len(channels), spec.reach(spec.audio_taps)
         if spec.true_future and count:
             channels = np.pad(channels, ((0, reach), (0, 0)), mode="edge")

@@ -2,25 +2,103 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Sequence
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from lightning import LightningModule
-from torch import Tensor
+from numpy.typing import NDArray
+from torch import Tensor, nn
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
-from cospeech.speech.speech import Speech
+from cospeech.speech.speech import Speech, Word
+
+
+class Stream(ABC):
+    """Motion for one speech that is heard piece by piece.
+
+    What `push` gives and then `finish`, one after the other, is the motion of the whole speech,
+    however it was cut: ``ceil(duration * fps)`` frames. A subclass implements `_hear` and `_end`.
+
+    Attributes:
+        look_ahead_s: A frame depends on no sound that is later than it by more, s; ``math.inf``
+            where it depends on the whole speech.
+        delay_s: After t seconds of sound the frames before ``t - delay_s`` have been put out.
+    """
+
+    def __init__(self, look_ahead_s: float, delay_s: float) -> None:
+        self.look_ahead_s, self.delay_s = look_ahead_s, delay_s
+
+    @torch.no_grad()
+    def push(
+        self, samples: NDArray[np.float32], words: Sequence[Word] | None = None
+    ) -> Motion | None:
+        """Hear further sound.
+
+        Args:
+            samples: ``(N,)``, 16 kHz, what follows on the sound so far.
+            words: What is said, with times in the whole speech; a word comes at the latest with
+                the sound that it begins in. None: no transcript.
+
+        Returns:
+            The next frames; None where none can be made yet.
+
+        Raises:
+            CospeechError: The sound holds NaN, or the method refuses it.
+        """
+        if not np.isfinite(samples).all():
+            raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
+        motion = self._hear(samples, words)
+        return motion if motion is not None and len(motion) else None
+
+    @torch.no_grad()
+    def finish(self) -> Motion:
+        """The frames that are left up to the end of the sound; the stream is used up."""
+        return self._end()
+
+    @abstractmethod
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion | None:
+        """What `push` gives; no frames count as None."""
+
+    @abstractmethod
+    def _end(self) -> Motion:
+        """What `finish` gives."""
+
+
+class WholeUtterance(Stream):
+    """The stream of a method that needs all of a speech: everything comes at `finish`.
+
+    Args:
+        make: Makes the motion.
+    """
+
+    def __init__(self, make: Callable[[Speech], Motion]) -> None:
+        super().__init__(look_ahead_s=math.inf, delay_s=math.inf)
+        self._make = make
+        self._pieces = [np.zeros(0, dtype=np.float32)]
+        self._words: list[Word] | None = None
+
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> None:
+        self._pieces.append(samples)
+        if words is not None:
+            self._words = [*(self._words or ()), *words]
+
+    def _end(self) -> Motion:
+        words = None if self._words is None else tuple(self._words)
+        return self._make(Speech(np.concatenate(self._pieces), words))
 
 
 class GestureMethod(LightningModule):
     """Base of the methods: windows in, upper-body motion out.
 
-    A subclass sets `window` and `needs`, implements `sample` and `generate`, and trains itself by
+    A subclass sets `window` and `needs`, implements `sample` and `open`, and trains itself by
     manual optimisation. Schedules are pure values of ``current_epoch``; every random number in
     training comes from torch's global generator, which the run seeds anew for each step, so that a
     resumed run continues exactly.
@@ -52,6 +130,25 @@ class GestureMethod(LightningModule):
         """
 
     @abstractmethod
+    def open(
+        self,
+        speaker: str | None = None,
+        controls: dict[str, Any] | None = None,
+        seed_motion: Motion | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Stream:
+        """Begin the motion for a speech of any length.
+
+        Args:
+            speaker: A training speaker's name; None lets the method choose.
+            controls: Method-specific controls; an unknown name is an error.
+            seed_motion: Upper-body motion to continue from, at the method's frame rate.
+            generator: Source of every random draw; None seeds one with 0.
+
+        Raises:
+            CospeechError: The method refuses one of them.
+        """
+
     def generate(
         self,
         speech: Speech,
@@ -60,18 +157,25 @@ class GestureMethod(LightningModule):
         controls: dict[str, Any] | None = None,
         generator: torch.Generator | None = None,
     ) -> Motion:
-        """Motion for speech of any length.
+        """Motion for speech of any length: all of it is pushed into a stream, which is finished.
 
         Args:
             speech: Waveform and, if the method reads them, words.
-            speaker: A training speaker's name; None lets the method choose.
-            seed_motion: Upper-body motion to continue from, at the method's frame rate.
-            controls: Method-specific controls; an unknown name is an error.
-            generator: Source of every random draw; None seeds one with 0.
+            speaker: As for `open`, like the other three.
+            seed_motion: See `open`.
+            controls: See `open`.
+            generator: See `open`.
 
         Returns:
             Upper-body motion that covers the audio exactly: ``ceil(duration * fps)`` frames.
+
+        Raises:
+            CospeechError: As `open` and `Stream.push`.
         """
+        stream = self.open(speaker, controls, seed_motion, generator)
+        begun = stream.push(speech.waveform, speech.words)
+        rest = stream.finish()
+        return rest if begun is None else begun.followed_by(rest)
 
     def validation_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """Sampled positions of the batch, for the evaluation callback.
@@ -119,7 +223,7 @@ class HasSchedule(Protocol):
 def refuse_unknown(
     speaker: str | None, speakers: Sequence[str], seed_motion: Motion | None
 ) -> None:
-    """What `GestureMethod.generate` refuses where a method continues no motion.
+    """What `GestureMethod.open` refuses where a method continues no motion.
 
     Raises:
         CospeechError: A speaker who isn't among the training's, or a seed motion.
@@ -129,3 +233,14 @@ def refuse_unknown(
         raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
     if seed_motion is not None:
         raise CospeechError("this method can't continue a motion", "leave seed_motion out")
+
+
+@contextmanager
+def evaluating(network: nn.Module) -> Iterator[None]:
+    """The network in eval mode inside, and afterwards as it was."""
+    training = network.training
+    network.eval()
+    try:
+        yield
+    finally:
+        network.train(training)

@@ -21,7 +21,7 @@ from cospeech.matching.database import MatchingDatabase, check_database, open_da
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import fit_database
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
-from cospeech.methods.base import GestureMethod, refuse_unknown
+from cospeech.methods.base import GestureMethod, Stream, WholeUtterance, refuse_unknown
 from cospeech.metrics.gesture_statistics.movement import border_steps
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
@@ -177,34 +177,40 @@ class MatchedMethod(GestureMethod):
     def _upper_body(self, poses: Tensor) -> Tensor:
         return torch.from_numpy(self.database.upper_body(poses.cpu().numpy())).to(self.device)
 
-    def generate(
+    def open(
         self,
-        speech: Speech,
         speaker: str | None = None,
-        seed_motion: Motion | None = None,
         controls: dict[str, Any] | None = None,
+        seed_motion: Motion | None = None,
         generator: torch.Generator | None = None,
-    ) -> Motion:
-        """Upper-body motion for speech of any length.
+    ) -> Stream:
+        """Begin upper-body motion at 15 fps on `UPPER_BODY`.
+
+        Words are read where controls ask for keywords.
 
         Args:
-            speech: Words are read where controls ask for keywords.
             speaker: A training speaker's name; None draws one where motion of one speaker is used.
-            seed_motion: Must be None: the search begins near a pose of the database.
             controls: A schedule as `cospeech.matching.control.Controls.from_dict` reads it.
-            generator: Draws the first pose; None seeds one with 0.
-
-        Returns:
-            ``ceil(duration * 15)`` frames at 15 fps on `UPPER_BODY`.
+            seed_motion: Must be None: the search begins near a pose of the database.
+            generator: Draws the speaker and the first pose; None seeds one with 0.
 
         Raises:
-            CospeechError: An unknown speaker, a seed motion, controls that can't be read, or a
-                waveform with NaN.
+            CospeechError: An unknown speaker, a seed motion, or controls that can't be read.
         """
         refuse_unknown(speaker, self.speakers, seed_motion)
         schedule = None if controls is None else Controls.from_dict(controls)
-        generator = generator or torch.Generator().manual_seed(0)
-        poses = list(self.stages(speech, schedule, generator, speaker).values())[-1]
+        return self._opened(speaker, schedule, generator or torch.Generator().manual_seed(0))
+
+    def _opened(
+        self, speaker: str | None, controls: Controls | None, generator: torch.Generator
+    ) -> Stream:
+        return WholeUtterance(
+            lambda speech: self._motion(
+                list(self.stages(speech, controls, generator, speaker).values())[-1]
+            )
+        )
+
+    def _motion(self, poses: NDArray[np.float32]) -> Motion:
         return Motion(UPPER_BODY, self.window.fps, self.database.upper_body(poses))
 
     # Judging -------------------------------------------------------------------------------

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import cast
 
+import numpy as np
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
 from numpy.typing import NDArray
@@ -15,9 +17,12 @@ from cospeech.matching.control import Controls
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
+from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
+from cospeech.methods.base import Stream
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
-from cospeech.speech.speech import Speech
+from cospeech.motion.motion import Motion
+from cospeech.speech.speech import Speech, Word
 
 
 class MotionMatching(MatchedMethod):
@@ -99,3 +104,28 @@ class MotionMatching(MatchedMethod):
         """The search's output, under its name."""
         closed = self.closed_sequences(speaker, generator)
         return {K_NN: self.matcher(speech, controls, generator, closed).poses}
+
+    def _opened(
+        self, speaker: str | None, controls: Controls | None, generator: torch.Generator
+    ) -> Stream:
+        """A search step by step; with controls, which are planned over all of a speech, at once."""
+        if controls is not None:
+            return super()._opened(speaker, controls, generator)
+        closed = self.closed_sequences(speaker, generator)
+        return _SteppedStream(MatchedPieces(self.matcher, closed, generator), self._motion)
+
+
+class _SteppedStream(Stream):
+    """The search of an uncontrolled speech, as far as its sound is known."""
+
+    def __init__(
+        self, pieces: MatchedPieces, to_motion: Callable[[NDArray[np.float32]], Motion]
+    ) -> None:
+        super().__init__(pieces.look_ahead_s, pieces.look_ahead_s)
+        self._pieces, self._to_motion = pieces, to_motion
+
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion:
+        return self._to_motion(self._pieces.hear(samples))
+
+    def _end(self) -> Motion:
+        return self._to_motion(self._pieces.finish())

@@ -26,6 +26,7 @@ from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
 from cospeech.matching.tracks import HEAD_ROLES
+from cospeech.methods.base import evaluating
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.methods.motion_matching.refinement.losses import (
     WASSERSTEIN,
@@ -347,8 +348,6 @@ class RefinedMotionMatching(MatchedMethod):
     @torch.no_grad()
     def _refine(self, poses: Tensor, cepstra: Tensor) -> Tensor:
         network: nn.Module = self.averaged if self.averaging else self.generator
-        training = network.training
-        network.eval()
-        refined = network(self.scales.speech(cepstra), self.scales.poses(poses))
-        network.train(training)
+        with evaluating(network):
+            refined = network(self.scales.speech(cepstra), self.scales.poses(poses))
         return self.scales.joints(refined)
