@@ -13,7 +13,7 @@ from cospeech.corpus.manifest import write_manifest
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment import evaluate, generate, generating, judging_again
 from cospeech.experiment.finished_run import open_run
-from cospeech.methods.base import HasSchedule
+from cospeech.methods.capabilities import HasSchedule
 from cospeech.nn.checkpoints import previous_of
 from tests.corpora import make_recording
 from tests.runs import FINGERPRINT, METHODS, Outputs, command, read_record, write_record

@@ -17,6 +17,7 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import CospeechError
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import FittedWithoutSteps, TakesControls
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames
@@ -84,13 +85,29 @@ def method(name, store):
     return model
 
 
-def test_two_steps_move_its_weights_and_leave_no_nan(name, store, tmp_path):
+def test_two_steps_change_what_it_holds_and_leave_no_nan(name, store, tmp_path):
     model = build(name, store)
-    before = {key: value.clone() for key, value in model.named_parameters()}
-    fit(model, store, tmp_path)
-    after = dict(model.named_parameters())
+    is_fitted = isinstance(model, FittedWithoutSteps)
+    held = dict(model.state_dict() if is_fitted else model.named_parameters())
+    before = {key: value.clone() for key, value in held.items()}
+    trainer = fit(model, store, tmp_path)
+    after = model.state_dict()
     assert any(not torch.equal(before[key], after[key]) for key in before)
-    assert all(value.isfinite().all() for value in model.state_dict().values())
+    assert all(value.isfinite().all() for value in after.values())
+    assert trainer.global_step >= 2, "a checkpoint is saved once a step is counted"
+    assert bool(trainer.optimizers) is not is_fitted
+
+
+def test_controls_are_checked_by_the_method_alone(method):
+    if not isinstance(method, TakesControls):
+        with pytest.raises(CospeechError, match="no control"):
+            method.open(controls={"style": 1})
+        return
+    for values in ({"levitation": 1}, [{"levitation": 1}], 3, [3]):
+        with pytest.raises(CospeechError):
+            method.parse_controls(values)
+        with pytest.raises(CospeechError):
+            method.open(controls=values)
 
 
 def test_the_same_seed_trains_the_same_weights(name, store, tmp_path):

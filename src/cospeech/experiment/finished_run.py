@@ -29,7 +29,8 @@ from cospeech.experiment.plain_arguments import (
     require_types,
 )
 from cospeech.foreign import understood
-from cospeech.methods.base import GestureMethod, HasSchedule
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import HasSchedule, NeedsStore
 from cospeech.nn.checkpoints import is_kept, previous_of, read_whole
 from cospeech.nn.weights_file import filled
 from cospeech.quoting import setting
@@ -105,7 +106,7 @@ class FinishedRun:
                 f"run={self.folder}: a {self.model} makes no motion", "give a run of a method"
             )
         for name in given:
-            if not self.takes(name):
+            if name not in argument_names(self.method):
                 raise ConfigError(f"a {self.model} has no {name}", f"leave {name} out")
         hint = _instead_of(self.checkpoint)
         checkpoint, content = read_whole(self.checkpoint, hint)
@@ -121,9 +122,10 @@ class FinishedRun:
             )
         return model
 
-    def takes(self, argument: str) -> bool:
-        """Whether the method's constructor has an argument of this name."""
-        return argument in argument_names(self.method)
+    def needs_store(self, **given: Any) -> bool:
+        """Whether the method looks things up in its corpus, with these arguments of its own."""
+        arguments = {**self.config["model"], **given}
+        return issubclass(self.method, NeedsStore) and self.method.needs_store(arguments)
 
     def _built(
         self, content: dict[str, Any], store: Store | None, given: dict[str, Any]

@@ -16,6 +16,7 @@ from cospeech.experiment.finished_run import open_run
 from cospeech.files import replacing
 from cospeech.matching.control import read_values
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import TakesControls
 from cospeech.motion.motion import Motion
 from cospeech.quoting import setting
 from cospeech.reporting.player import PlayerClip, write_player
@@ -56,8 +57,12 @@ def generate(cfg: DictConfig) -> Motion:
     speech = Speech(waveform, words)
     controls = None
     if cfg.controls is not None:
-        found = read_values(to_absolute_path(cfg.controls))
-        controls = found if isinstance(found, dict) else {"controls": found}
+        if not isinstance(method, TakesControls):
+            raise ConfigError(
+                f"controls={cfg.controls}: a {type(method).__name__} takes no controls",
+                "leave controls out",
+            )
+        controls = read_values(to_absolute_path(cfg.controls))
     started = time.perf_counter()
     try:
         motion = method.generate(
@@ -113,8 +118,7 @@ def _method(cfg: DictConfig) -> GestureMethod:
     run = open_run(str(cfg.run), cfg.checkpoint)
     given = {} if cfg.database is None else {"database": to_absolute_path(cfg.database)}
     store = None
-    if run.takes("database") and not (given or run.config["model"].get("database")):
-        # What is searched lies beside the corpus.
+    if run.needs_store(**given):
         command = f"python prepare.py {setting('data.store_dir', str(cfg.data.store_dir))}"
         store = run.require_store([cfg.data.store_dir], command)
     return run.load(store, **given)

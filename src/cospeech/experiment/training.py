@@ -33,8 +33,8 @@ from cospeech.experiment.stopping import (
     end_with_the_first_process,
     stopped_like_ctrl_c,
 )
-from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import FittedWithoutSteps, HandsOverEncoder
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
 from cospeech.nn.checkpoints import LAST, is_kept
 from cospeech.quoting import setting
@@ -195,13 +195,17 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         )
     # A fit that has ended is only loaded again, and the run goes on behind it.
     fit = record.values["fit"] or {}
-    ended = {"max_epochs": fit["ended"]} if fit.get("asked") == cfg.training.epochs else {}
+    has_ended = fit.get("asked") == cfg.training.epochs
+    settings: dict[str, Any] = {"max_epochs": fit["ended"]} if has_ended else {}
+    if isinstance(model, FittedWithoutSteps):
+        # There is nothing to share among processes, and torch's refuse what has no weights.
+        settings |= {"devices": 1, "strategy": "auto"}
     trainer: Trainer = instantiate(
         cfg.trainer,
         callbacks=callbacks,
         logger=loggers or False,
         default_root_dir=str(folder),
-        **ended,
+        **settings,
     )
     device = f"{trainer.world_size} x {trainer.strategy.root_device.type}"
     record.update(hardware={**record.values["hardware"], "device": device})
@@ -229,7 +233,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             told = f"python evaluate.py {setting('run', str(folder))} checkpoint=last"
             again += f"; or judge its last weights: {told}"
         load_weights(model, Path(best.best_model_path), again)
-    if isinstance(model, MotionAutoencoder) and trainer.is_global_zero:
+    if isinstance(model, HandsOverEncoder) and trainer.is_global_zero:
         _keep_encoder(cfg, folder, store, model)
     if cfg.test and isinstance(model, GestureMethod):
         assert encoder is not None
@@ -271,13 +275,13 @@ def _summarise(folder: Path, record: RunRecord) -> None:
         print(f"listen: {samples[-1].resolve()}")
 
 
-def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: MotionAutoencoder) -> None:
+def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: HandsOverEncoder) -> None:
     """The explicitly trained encoder, beside the run and, if made as by default, in the store."""
     path = folder / "encoder.pt"
     save_encoder(model.encoder(str(folder.name)), path)
     as_by_default = (
         cfg.training.batch_size == BATCH_SIZE
-        and model.learning_rate == MotionAutoencoder(store.facts()).learning_rate
+        and model.is_usual
         and not any(str(key).startswith("limit_") for key in cfg.trainer)
     )
     if as_by_default:

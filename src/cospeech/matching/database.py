@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
@@ -140,6 +141,13 @@ class MatchingDatabase:
         chosen = poses[..., [self.pose_roles.index(role) for role in self.evaluation_roles], :]
         relative: NDArray[np.float32] = chosen - chosen[..., :1, :]
         return relative
+
+    def of_others(self, speaker: str | None, generator: torch.Generator) -> NDArray[np.int64]:
+        """The sequences that aren't of a speaker; somebody is drawn where it has none of theirs."""
+        if speaker is None or speaker not in self.speaker_names:
+            drawn = int(torch.randint(len(self.speaker_names), (), generator=generator))
+            speaker = self.speaker_names[drawn]
+        return np.flatnonzero(~self.spoken_by(speaker))
 
     def audio_queries(
         self, waveform: NDArray[np.float32], frames: int | None = None

@@ -2,97 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar
 
-import numpy as np
 import torch
 from lightning import LightningModule
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
+from cospeech.methods.streams import Stream
 from cospeech.motion.motion import Motion
-from cospeech.speech.speech import Speech, Word
-
-
-class Stream(ABC):
-    """Motion for one speech that is heard piece by piece.
-
-    What `push` gives and then `finish`, one after the other, is the motion of the whole speech,
-    however it was cut: ``ceil(duration * fps)`` frames. A subclass implements `_hear` and `_end`.
-
-    Attributes:
-        look_ahead_s: A frame depends on no sound that is later than it by more, s; ``math.inf``
-            where it depends on the whole speech.
-        delay_s: After t seconds of sound the frames before ``t - delay_s`` have been put out.
-    """
-
-    def __init__(self, look_ahead_s: float, delay_s: float) -> None:
-        self.look_ahead_s, self.delay_s = look_ahead_s, delay_s
-
-    @torch.no_grad()
-    def push(
-        self, samples: NDArray[np.float32], words: Sequence[Word] | None = None
-    ) -> Motion | None:
-        """Hear further sound.
-
-        Args:
-            samples: ``(N,)``, 16 kHz, what follows on the sound so far.
-            words: What is said, with times in the whole speech; a word comes at the latest with
-                the sound that it begins in. None: no transcript.
-
-        Returns:
-            The next frames; None where none can be made yet.
-
-        Raises:
-            CospeechError: The sound holds NaN, or the method refuses it.
-        """
-        if not np.isfinite(samples).all():
-            raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
-        motion = self._hear(samples, words)
-        return motion if motion is not None and len(motion) else None
-
-    @torch.no_grad()
-    def finish(self) -> Motion:
-        """The frames that are left up to the end of the sound; the stream is used up."""
-        return self._end()
-
-    @abstractmethod
-    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion | None:
-        """What `push` gives; no frames count as None."""
-
-    @abstractmethod
-    def _end(self) -> Motion:
-        """What `finish` gives."""
-
-
-class WholeUtterance(Stream):
-    """The stream of a method that needs all of a speech: everything comes at `finish`.
-
-    Args:
-        make: Makes the motion.
-    """
-
-    def __init__(self, make: Callable[[Speech], Motion]) -> None:
-        super().__init__(look_ahead_s=math.inf, delay_s=math.inf)
-        self._make = make
-        self._pieces = [np.zeros(0, dtype=np.float32)]
-        self._words: list[Word] | None = None
-
-    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> None:
-        self._pieces.append(samples)
-        if words is not None:
-            self._words = [*(self._words or ()), *words]
-
-    def _end(self) -> Motion:
-        words = None if self._words is None else tuple(self._words)
-        return self._make(Speech(np.concatenate(self._pieces), words))
+from cospeech.speech.speech import Speech
 
 
 class GestureMethod(LightningModule):
@@ -133,7 +57,7 @@ class GestureMethod(LightningModule):
     def open(
         self,
         speaker: str | None = None,
-        controls: dict[str, Any] | None = None,
+        controls: Any = None,
         seed_motion: Motion | None = None,
         generator: torch.Generator | None = None,
     ) -> Stream:
@@ -141,7 +65,7 @@ class GestureMethod(LightningModule):
 
         Args:
             speaker: A training speaker's name; None lets the method choose.
-            controls: Method-specific controls; an unknown name is an error.
+            controls: What `TakesControls.parse_controls` reads; None for none.
             seed_motion: Upper-body motion to continue from, at the method's frame rate.
             generator: Source of every random draw; None seeds one with 0.
 
@@ -154,7 +78,7 @@ class GestureMethod(LightningModule):
         speech: Speech,
         speaker: str | None = None,
         seed_motion: Motion | None = None,
-        controls: dict[str, Any] | None = None,
+        controls: Any = None,
         generator: torch.Generator | None = None,
     ) -> Motion:
         """Motion for speech of any length: all of it is pushed into a stream, which is finished.
@@ -194,7 +118,7 @@ class GestureMethod(LightningModule):
             CospeechError: One can't be read, or doesn't fit.
         """
 
-    def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
+    def derived_values(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """Further values of an evaluation, logged beside those it is given.
 
         Args:
@@ -205,19 +129,6 @@ class GestureMethod(LightningModule):
     def test_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """As `validation_step`."""
         return self.validation_step(batch, batch_idx)
-
-
-@runtime_checkable
-class HasSchedule(Protocol):
-    """A method whose training has an end of its own, whatever the number of epochs."""
-
-    @property
-    def steps_left(self) -> int:
-        """Training steps to that end."""
-
-    @property
-    def in_last_stage(self) -> bool:
-        """Whether the weights are such as the training is for, and not of a stage before."""
 
 
 def refuse_unknown(

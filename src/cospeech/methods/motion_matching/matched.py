@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,7 +22,8 @@ from cospeech.matching.database import MatchingDatabase, check_database, open_da
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import fit_database
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
-from cospeech.methods.base import GestureMethod, Stream, WholeUtterance, refuse_unknown
+from cospeech.methods.base import GestureMethod, refuse_unknown
+from cospeech.methods.streams import Stream, WholeUtterance
 from cospeech.metrics.gesture_statistics.movement import border_steps
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
@@ -91,6 +93,11 @@ class MatchedMethod(GestureMethod):
             self._matcher = MotionMatcher(database, self.matching)
         return self._matcher
 
+    @classmethod
+    def needs_store(cls, arguments: Mapping[str, Any]) -> bool:
+        """Its database lies beside the corpus, unless another one is named."""
+        return not arguments.get("database")
+
     @property
     def database(self) -> MatchingDatabase:
         """The database that is searched."""
@@ -116,8 +123,8 @@ class MatchedMethod(GestureMethod):
             )
         return fit_database(store, self.spec)
 
-    def on_fit_start(self) -> None:
-        """Fit or open the database before the first step, and keep its hash."""
+    def fit_to_corpus(self) -> None:
+        """Fit or open the database, and keep its hash."""
         hashed = bytearray.fromhex(self.database.hash)
         self.database_hash.copy_(torch.frombuffer(hashed, dtype=torch.uint8))
 
@@ -147,13 +154,7 @@ class MatchedMethod(GestureMethod):
         self, speaker: str | None, generator: torch.Generator
     ) -> NDArray[np.int64] | None:
         """The sequences that aren't used for a speaker; None where all are used."""
-        if not self.same_speaker:
-            return None
-        database = self.database
-        if speaker is None or speaker not in database.speaker_names:
-            drawn = int(torch.randint(len(database.speaker_names), (), generator=generator))
-            speaker = database.speaker_names[drawn]
-        return np.flatnonzero(~database.spoken_by(speaker))
+        return self.database.of_others(speaker, generator) if self.same_speaker else None
 
     @torch.no_grad()
     def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
@@ -180,7 +181,7 @@ class MatchedMethod(GestureMethod):
     def open(
         self,
         speaker: str | None = None,
-        controls: dict[str, Any] | None = None,
+        controls: Any = None,
         seed_motion: Motion | None = None,
         generator: torch.Generator | None = None,
     ) -> Stream:
@@ -190,7 +191,7 @@ class MatchedMethod(GestureMethod):
 
         Args:
             speaker: A training speaker's name; None draws one where motion of one speaker is used.
-            controls: A schedule as `cospeech.matching.control.Controls.from_dict` reads it.
+            controls: See `parse_controls`.
             seed_motion: Must be None: the search begins near a pose of the database.
             generator: Draws the speaker and the first pose; None seeds one with 0.
 
@@ -198,8 +199,16 @@ class MatchedMethod(GestureMethod):
             CospeechError: An unknown speaker, a seed motion, or controls that can't be read.
         """
         refuse_unknown(speaker, self.speakers, seed_motion)
-        schedule = None if controls is None else Controls.from_dict(controls)
+        schedule = None if controls is None else self.parse_controls(controls)
         return self._opened(speaker, schedule, generator or torch.Generator().manual_seed(0))
+
+    def parse_controls(self, values: Any) -> Controls:
+        """A schedule, as `cospeech.matching.control.Controls.from_dict` reads it.
+
+        Raises:
+            ConfigError: Something isn't understood; the message names the entry.
+        """
+        return Controls.from_dict(values)
 
     def _opened(
         self, speaker: str | None, controls: Controls | None, generator: torch.Generator

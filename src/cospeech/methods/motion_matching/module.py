@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
 
 import numpy as np
 import torch
-from lightning.pytorch.core.optimizer import LightningOptimizer
 from numpy.typing import NDArray
-from torch import nn
 
-from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.matching.control import Controls
 from cospeech.matching.features import MatchingSpec
@@ -19,16 +15,17 @@ from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
 from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
-from cospeech.methods.base import Stream
+from cospeech.methods.capabilities import FittedWithoutSteps
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
+from cospeech.methods.streams import Stream
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech, Word
 
 
-class MotionMatching(MatchedMethod):
+class MotionMatching(MatchedMethod, FittedWithoutSteps):
     """k-NN search over recorded motion, by pose and by sound (Habibie et al. 2022, section 3.1).
 
-    Training is fitting the database; epochs do nothing but be judged.
+    Training is fitting the database.
 
     Args:
         corpus: Where the store is, and its speakers.
@@ -80,19 +77,6 @@ class MotionMatching(MatchedMethod):
             database,
         )
         self.save_hyperparameters(logger=False)
-        # Lightning saves no checkpoint before an optimizer has stepped, so steps are counted by
-        # one.
-        self.steps_counted = nn.Parameter(torch.zeros(()))
-
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Counts steps."""
-        return torch.optim.SGD([self.steps_counted], lr=1.0)
-
-    def training_step(self, batch: GestureBatch, batch_idx: int) -> None:
-        """Count the step."""
-        optimizer = cast(LightningOptimizer, self.optimizers())
-        self.steps_counted.grad = torch.full_like(self.steps_counted, -1.0)
-        optimizer.step()
 
     def stages(
         self,

@@ -11,12 +11,7 @@ from torch import Tensor, distributed
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.methods.base import (
-    GestureMethod,
-    WholeUtterance,
-    evaluating,
-    refuse_unknown,
-)
+from cospeech.methods.base import GestureMethod, evaluating, refuse_unknown
 from cospeech.methods.multi_adversary.adversaries import classified
 from cospeech.methods.multi_adversary.judging import Tally
 from cospeech.methods.multi_adversary.players import Players
@@ -29,6 +24,7 @@ from cospeech.methods.multi_adversary.synthesis import (
     long_poses,
     speech_features,
 )
+from cospeech.methods.streams import WholeUtterance
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
@@ -144,7 +140,7 @@ class GeneratesGestures(GestureMethod):
     def open(
         self,
         speaker: str | None = None,
-        controls: dict[str, Any] | None = None,
+        controls: Any = None,
         seed_motion: Motion | None = None,
         generator: torch.Generator | None = None,
     ) -> WholeUtterance:
@@ -163,7 +159,7 @@ class GeneratesGestures(GestureMethod):
         """
         refuse_unknown(speaker, self.speakers, seed_motion)
         if controls:
-            raise CospeechError(f"this method has no control {', '.join(sorted(controls))}")
+            raise CospeechError(f"this method has no control {', '.join(map(str, controls))}")
         return WholeUtterance(self._motion_of)
 
     def _motion_of(self, speech: Speech) -> Motion:

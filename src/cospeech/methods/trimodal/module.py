@@ -15,7 +15,8 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.methods.base import GestureMethod, Stream, evaluating
+from cospeech.methods.base import GestureMethod, evaluating
+from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
 from cospeech.methods.trimodal.losses import (
     diversity_loss,
@@ -28,6 +29,7 @@ from cospeech.methods.trimodal.networks import (
     Generator,
     Style,
 )
+from cospeech.methods.trimodal.style import known_controls
 from cospeech.methods.trimodal.synthesis import (
     Synthesiser,
     SynthesisOptions,
@@ -321,7 +323,7 @@ class Trimodal(GestureMethod):
     def open(
         self,
         speaker: str | None = None,
-        controls: dict[str, Any] | None = None,
+        controls: Any = None,
         seed_motion: Motion | None = None,
         generator: torch.Generator | None = None,
     ) -> Stream:
@@ -353,7 +355,16 @@ class Trimodal(GestureMethod):
             self.options,
         )
         generator = generator or torch.Generator().manual_seed(0)
-        return voice.open(speaker, controls, seed_motion, generator)
+        wishes = {} if controls is None else self.parse_controls(controls)
+        return voice.open(speaker, wishes, seed_motion, generator)
+
+    def parse_controls(self, values: Any) -> dict[str, Any]:
+        """A point in the style space or a mix of speakers, see `open`.
+
+        Raises:
+            CospeechError: Not a mapping, or an unknown control.
+        """
+        return known_controls(values)
 
     @torch.no_grad()
     def style_vectors(self) -> Tensor:

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
-from cospeech.methods.base import Stream, evaluating
+from cospeech.methods.base import evaluating
+from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import (
     blend,
     chunk_audio,
@@ -85,7 +86,7 @@ class Synthesiser:
     def open(
         self,
         speaker: str | None,
-        controls: Mapping[str, Any] | None,
+        controls: Mapping[str, Any],
         seed_motion: Motion | None,
         generator: torch.Generator,
     ) -> Chunks:

@@ -217,6 +217,10 @@ class RefinedMotionMatching(MatchedMethod):
             self.matching.k,
         )
 
+    def on_fit_start(self) -> None:
+        """The database comes before the first step."""
+        self.fit_to_corpus()
+
     def on_train_start(self) -> None:
         """Take the statistics of the training motion; a resumed run has them."""
         if self.updates_done == 0:
@@ -313,7 +317,7 @@ class RefinedMotionMatching(MatchedMethod):
         for kept, current in zip(self.averaged.buffers(), self.generator.buffers(), strict=True):
             kept.copy_(current)
 
-    def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
+    def derived_values(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """The criterion that selects checkpoints: FGD times the seam's distance from 1, as ratio.
 
         Both are of held-out windows, and neither can be bought with the other (spec D, decision
