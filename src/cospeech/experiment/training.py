@@ -20,6 +20,7 @@ from lightning.pytorch.loggers import Logger
 from lightning.pytorch.utilities.model_helpers import is_overridden
 from omegaconf import DictConfig, OmegaConf
 
+from cospeech.corpus.facts import placeholder_facts
 from cospeech.corpus.store import Store
 from cospeech.encoders import BATCH_SIZE, keep_encoder
 from cospeech.errors import ConfigError, CospeechError, one_line
@@ -148,17 +149,19 @@ def _lost_peer(error: BaseException) -> CospeechError | None:
 
 
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
-    lightning.seed_everything(cfg.seed, verbose=False)
     data = build(cfg.data)
     method = cast(type[GestureMethod], get_class(cfg.model._target_))
     data.refuse_impossible(cfg.choices.model, method.needs)
+    # What is wrong with the settings is found before anything slow begins, of any corpus ...
+    build(cfg.model, corpus=placeholder_facts())
+    lightning.seed_everything(cfg.seed, verbose=False)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
     logger.info("%s", store.describe())
     require_same(record.values["data_fingerprint"], store.fingerprint, "the corpus")
     record.update(data_fingerprint=store.fingerprint)
 
-    # Everything that can be wrong with the settings is found before anything slow begins.
+    # ... and of this one, before its encoder is trained.
     lightning.seed_everything(cfg.seed, verbose=False)
     model: LightningModule = build(cfg.model, corpus=store.facts())
     checkpoint = _checkpoint(cfg, folder)
