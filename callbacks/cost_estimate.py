@@ -8,6 +8,7 @@ from typing import Any
 from lightning import Callback, LightningModule, Trainer
 
 from cospeech.experiment import RunContext
+from cospeech.methods.capabilities import HasSchedule
 
 WARM_UP_STEPS = 1
 MEASURED_STEPS = 3
@@ -99,11 +100,12 @@ class CostEstimate(Callback):
 def _steps_left(trainer: Trainer, pl_module: LightningModule, done_in_epoch: int = 0) -> int:
     """By the epochs that are left, or by the method where it knows that it needs fewer."""
     assert trainer.max_epochs is not None
+    by_schedule = pl_module.steps_left if isinstance(pl_module, HasSchedule) else None
     if trainer.max_epochs < 0:
-        return int(getattr(pl_module, "steps_left", 0))
+        return by_schedule or 0
     batches = int(trainer.num_training_batches)
     by_epochs = (trainer.max_epochs - trainer.current_epoch) * batches - done_in_epoch
-    return min(by_epochs, getattr(pl_module, "steps_left", by_epochs))
+    return by_epochs if by_schedule is None else min(by_epochs, by_schedule)
 
 
 def _duration(seconds: float) -> str:

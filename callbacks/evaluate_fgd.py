@@ -82,7 +82,7 @@ class EvaluateFGD(Callback):
             **{name: metric.compute() for name, metric in self._metrics.items() if name != "fgd"},
         }
         if isinstance(pl_module, GestureMethod):
-            values |= pl_module.also_judged(values)
+            values |= pl_module.derived_values(values)
         for name, value in values.items():
             # Already synchronised: every process logs the same value.
             pl_module.log(f"{stage}/{name}", value.float(), prog_bar=name == "fgd")

@@ -5,8 +5,16 @@ import os
 import shutil
 import tempfile
 from contextlib import suppress
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cospeech.experiment.finished_run import load
+    from cospeech.speech.reading import read_speech
+
+__all__ = ["load", "read_speech"]
 
 __version__ = "0.1.0"
 
@@ -40,3 +48,12 @@ def _let_numba_cache() -> None:
 
 
 _let_numba_cache()
+
+_ROOMS = {"load": "cospeech.experiment.finished_run", "read_speech": "cospeech.speech.reading"}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is asked for: ``import cospeech`` waits for no library."""
+    if name not in _ROOMS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_ROOMS[name]), name)

@@ -15,7 +15,7 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset
 from cospeech.errors import CospeechError
-from cospeech.judges.motion_autoencoder import MotionAutoencoder
+from cospeech.judges import EvaluationEncoder
 from cospeech.metrics.encoder import (
     EVALUATION_FRAMES,
     GestureEncoder,
@@ -92,7 +92,7 @@ def _path(store: Store, epochs: int, seed: int) -> Path:
 
 def _train(store: Store, epochs: int, seed: int, place: Path) -> GestureEncoder:
     lightning.seed_everything(seed, verbose=False)
-    model = MotionAutoencoder(corpus=store.facts())
+    model = EvaluationEncoder(corpus=store.facts())
     loaders = {}
     for split, shuffle in (("train", True), ("val", False)):
         dataset = WindowDataset(store, split, model.window, model.needs)

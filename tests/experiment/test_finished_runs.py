@@ -12,8 +12,8 @@ import torch
 from cospeech.corpus.manifest import write_manifest
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment import evaluate, generate, generating, judging_again
-from cospeech.experiment.finished_run import open_run
-from cospeech.methods.base import HasSchedule
+from cospeech.experiment.finished_run import load, open_run
+from cospeech.methods.capabilities import HasSchedule
 from cospeech.nn.checkpoints import previous_of
 from tests.corpora import make_recording
 from tests.runs import FINGERPRINT, METHODS, Outputs, command, read_record, write_record
@@ -244,19 +244,14 @@ def test_a_search_whose_corpus_is_gone_tells_what_makes_it_again(outputs, tmp_pa
 def test_a_search_finds_its_corpus_or_a_database_where_it_is_said_to_be(outputs, tmp_path):
     run = outputs.run("knn", below="apart").rename(tmp_path / "run")
 
-    def opened(*given):
-        typed = (f"run={run}", "audio=a.wav", f"outputs_dir={tmp_path}")
-        with command("generate", *typed, *given) as cfg:
-            return generating._method(cfg)
-
     with pytest.raises(ConfigError, match="its prepared corpus isn't here"):
-        opened()
-    assert opened(f"data.store_dir={outputs.store.parent}")._store == str(outputs.store)
-    assert opened("database=/kept")._folder == "/kept"
+        load(run)
+    assert load(run, store_folders=[outputs.store.parent])._store == str(outputs.store)
+    assert load(run, database="/kept")._folder == "/kept"
     record = read_record(run)
     record["config"]["model"]["database"] = "/named/in/training"
     write_record(run, record)
-    opened()
+    load(run)
 
 
 def test_an_encoder_that_is_gone_is_not_trained_for_as_long_as_a_record_says(

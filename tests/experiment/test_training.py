@@ -8,16 +8,18 @@ import pytest
 import torch
 from filelock import FileLock
 
+from cospeech.corpus.facts import placeholder_facts
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.experiment import run, training
+from cospeech.experiment.building import build
 from cospeech.experiment.context import RunInterrupted
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import save_encoder
 from cospeech.reporting.record import RunRecord, write_json
 from data_modules.base import StoreDataModule
-from tests.runs import Outputs, command
+from tests.runs import CONF, Outputs, command
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
 
@@ -167,3 +169,32 @@ def test_a_run_whose_training_has_ended_goes_on_behind_it(
     save_encoder(MotionAutoencoder(outputs.facts).encoder("another"), outputs.encoder)
     with pytest.raises(ConfigError, match="encoder of the evaluation has changed"):
         trained(outputs, "ckpt_path=last", "training.epochs=4")
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("model=trimodal model.layers=0", "layers=0: must be from 1"),
+        ("model=multi_adversary +model.adversaries.phases.weight=1", "phases"),
+        ("model=knn model.k=0", "model.k=0: must be at least 1"),
+    ],
+)
+def test_a_setting_of_the_method_is_checked_before_the_corpus_is_prepared(
+    setting, message, tmp_path, monkeypatch
+):
+    def prepare(self):
+        raise AssertionError("the corpus is prepared")
+
+    monkeypatch.setattr(StoreDataModule, "prepare_store", prepare)
+    given = (f"outputs_dir={tmp_path}", f"run_dir={tmp_path / 'run'}", *setting.split())
+    choices = [f"choices.{name}=x" for name in ("model", "data", "ablation", "experiment", "study")]
+    given = (*given, *choices, "run_prefix=run", "study_name=study")
+    with command("train", *given) as cfg, pytest.raises(ConfigError, match=message):
+        run(cfg)
+    assert json.loads((tmp_path / "run" / "record.json").read_text())["status"] == "failed"
+
+
+@pytest.mark.parametrize("name", [path.stem for path in (CONF / "model").glob("*.yaml")])
+def test_every_model_can_be_built_without_a_corpus(name):
+    with command("train", f"model={name}") as cfg:
+        build(cfg.model, corpus=placeholder_facts())

@@ -10,6 +10,7 @@ from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import fit_database
 from cospeech.matching.matching import Matched
 from cospeech.matching.seams import HALF_LIFE_S, blended
+from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
 from cospeech.speech.speech import Speech
 from tests.corpora import make_store
@@ -46,6 +47,33 @@ def test_windows_are_the_databases(database):
         np.testing.assert_array_equal(
             there, database.poses[sequence, frame : frame + 8][: len(there)]
         )
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        MatchingSettings(),
+        MatchingSettings(seam="crossfade", natural_continuation=True),
+        MatchingSettings(seam="inertialise", step_frames=5, start_offset=1),
+        MatchingSettings(preselect="audio", initial_pose="mean", k=2),
+    ],
+)
+@pytest.mark.parametrize("true_future", [False, True])
+def test_speech_that_comes_in_pieces_is_matched_like_the_whole(
+    tmp_path_factory, settings, true_future
+):
+    store = make_store(tmp_path_factory.mktemp("store"))
+    spec = MatchingSpec(chunk_frames=32, true_future=true_future)
+    matcher = MotionMatcher(fit_database(store, spec), settings)
+    waveform = store.speech(store.splits["train"][0]).waveform[: round(4.03 * 16_000)]
+    whole = matcher(Speech(waveform), None, seeded(), [1]).poses
+    pieces = MatchedPieces(matcher, [1], seeded())
+    poses = [pieces.hear(part) for part in np.array_split(waveform, 37)]
+    early = sum(map(len, poses))
+    poses.append(pieces.finish())
+    np.testing.assert_array_equal(np.concatenate(poses), whole)
+    # 0.96 s of look-ahead, and steps of 8 frames at most.
+    assert early >= (4 - 1) * 15
 
 
 def test_several_at_once_are_those_one_by_one(database):

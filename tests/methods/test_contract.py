@@ -1,5 +1,7 @@
 """What every method must do, whatever it is. Methods are found by their yaml."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +17,10 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import CospeechError
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import FittedWithoutSteps, TakesControls
+from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.speech.speech import Speech
+from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames
 from tests.corpora import make_recording, make_store
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
@@ -81,13 +85,29 @@ def method(name, store):
     return model
 
 
-def test_two_steps_move_its_weights_and_leave_no_nan(name, store, tmp_path):
+def test_two_steps_change_what_it_holds_and_leave_no_nan(name, store, tmp_path):
     model = build(name, store)
-    before = {key: value.clone() for key, value in model.named_parameters()}
-    fit(model, store, tmp_path)
-    after = dict(model.named_parameters())
+    is_fitted = isinstance(model, FittedWithoutSteps)
+    held = dict(model.state_dict() if is_fitted else model.named_parameters())
+    before = {key: value.clone() for key, value in held.items()}
+    trainer = fit(model, store, tmp_path)
+    after = model.state_dict()
     assert any(not torch.equal(before[key], after[key]) for key in before)
-    assert all(value.isfinite().all() for value in model.state_dict().values())
+    assert all(value.isfinite().all() for value in after.values())
+    assert trainer.global_step >= 2, "a checkpoint is saved once a step is counted"
+    assert bool(trainer.optimizers) is not is_fitted
+
+
+def test_controls_are_checked_by_the_method_alone(method):
+    if not isinstance(method, TakesControls):
+        with pytest.raises(CospeechError, match="no control"):
+            method.open(controls={"style": 1})
+        return
+    for values in ({"levitation": 1}, [{"levitation": 1}], 3, [3]):
+        with pytest.raises(CospeechError):
+            method.parse_controls(values)
+        with pytest.raises(CospeechError):
+            method.open(controls=values)
 
 
 def test_the_same_seed_trains_the_same_weights(name, store, tmp_path):
@@ -176,3 +196,91 @@ def test_generation_does_not_disturb_training(method, store):
     assert method.training
     for key, value in method.named_buffers():
         assert torch.equal(value, buffers[key]), key
+
+
+# Streams -----------------------------------------------------------------------------------
+
+ONE_BY_ONE = [15_000, *[1] * 600, 20_400, *[1] * 600, 5_000, 40_000]
+"""Samples of pieces: one by one where the first steps and chunks become complete."""
+
+CUTS = {
+    "one by one": ONE_BY_ONE,
+    "thousands": [1000] * 81,
+    "odd": np.random.default_rng(0).integers(1, 9000, 40).tolist(),
+}
+
+
+def spoken(store) -> Speech:
+    """5.1 s of sound with words, among them one that no vocabulary has."""
+    waveform = store.speech(Span(5, 0, 150)).waveform[:81_234]
+    texts = [*store.facts()["words"][4:9], "Zounds"]
+    starts = np.arange(14) * 0.36 + 0.02
+    words = tuple(Word(texts[i % len(texts)], s, s + 0.3) for i, s in enumerate(starts))
+    return Speech(waveform, words)
+
+
+def pushed(method, speech: Speech, sizes: Sequence[int]) -> tuple[list[Motion], list[int]]:
+    """Motion of each piece and of the end, and how many frames there were after each piece."""
+    stream = method.open("ada", generator=torch.Generator().manual_seed(3))
+    assert speech.words is not None
+    motions, frames, begin = list[Motion](), list[int](), 0
+    while begin < len(speech.waveform):
+        end = begin + (sizes[len(frames)] if len(frames) < len(sizes) else 10_000)
+        begun = [w for w in speech.words if begin <= w.start * SAMPLE_RATE < end]
+        motion = stream.push(speech.waveform[begin:end], begun)
+        motions += [] if motion is None else [motion]
+        frames.append(sum(map(len, motions)))
+        begin = end
+    return [*motions, stream.finish()], frames
+
+
+@pytest.mark.parametrize("cut", CUTS)
+def test_the_motion_is_the_same_however_the_sound_is_cut(method, store, cut):
+    speech = spoken(store)
+    whole = method.generate(speech, "ada", generator=torch.Generator().manual_seed(3))
+    motions, _ = pushed(method, speech, CUTS[cut])
+    together = np.concatenate([motion.positions for motion in motions])
+    np.testing.assert_array_equal(together, whole.positions)
+
+
+def test_frames_come_no_later_than_the_declared_delay(method, store):
+    speech, fps = spoken(store), method.window.fps
+    sizes = CUTS["one by one"]
+    delay_s = method.open().delay_s
+    _, frames = pushed(method, speech, sizes)
+    ends = np.minimum(np.cumsum(sizes), len(speech.waveform)).tolist()
+    for end, made in zip(ends, frames, strict=False):
+        due_s = end / SAMPLE_RATE - delay_s
+        due = 0 if due_s <= 0 else math.ceil(round(due_s * fps, 6))
+        assert due <= made <= covering_frames(end, fps)
+    assert (frames[-1] > 0) is math.isfinite(delay_s)
+
+
+def changed_from(method, speech: Speech, second: float) -> np.ndarray:
+    """Which frames change with the sound from a time on."""
+    waveform = speech.waveform.copy()
+    waveform[round(second * SAMPLE_RATE) :] = np.sin(np.arange(len(waveform)) / 9)[
+        round(second * SAMPLE_RATE) :
+    ]
+    before, after = (
+        method.generate(Speech(sound, speech.words), "ada").positions
+        for sound in (speech.waveform, waveform)
+    )
+    return (before != after).any(axis=(1, 2))
+
+
+def test_frames_depend_on_no_sound_beyond_the_declared_look_ahead(method, store):
+    look_ahead_s, fps = method.open().look_ahead_s, method.window.fps
+    if math.isinf(look_ahead_s):
+        pytest.skip("it says that it needs the whole speech")
+    speech = spoken(store)
+    # Where steps of 8 frames and chunks of 30 begin.
+    first_frames = (0, 8, 16, 24, 30, 32, 40)
+    for frame in first_frames:
+        changed = changed_from(method, speech, frame / fps + look_ahead_s)
+        assert not changed[: frame + 1].any()
+    nearly_s = look_ahead_s - 0.15
+    assert any(
+        changed_from(method, speech, frame / fps + nearly_s)[: frame + 1].any()
+        for frame in first_frames
+    ), "it says that it looks further ahead than it does"

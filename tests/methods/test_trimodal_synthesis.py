@@ -12,18 +12,11 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.methods.trimodal import Trimodal
-from cospeech.methods.trimodal.chunks import (
-    chunk_count,
-    covering_frames,
-    cut_audio,
-    cut_words,
-    spread_words,
-    stitch,
-)
-from cospeech.methods.trimodal.words import encode_words
+from cospeech.methods.trimodal.chunks import blend, chunk_audio, chunk_words, spread_words
+from cospeech.methods.trimodal.words import encode_words, joined_words
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.speech.speech import Speech, Word
+from cospeech.speech.speech import Speech, Word, covering_frames
 from cospeech.speech.vocabulary import Vocabulary, evenly_placed_words
 
 WINDOW = WindowSpec(fps=15.0, frames=34, seed_frames=4, stride=10)
@@ -51,9 +44,16 @@ def noise_speech(seconds: float, words: tuple[Word, ...] | None = WORDS) -> Spee
 
 
 def cut(words: tuple[Word, ...], count: int, timed: bool = True) -> torch.Tensor:
-    """Word ids of chunks, looked up as published."""
-    encoded = encode_words(words, Vocabulary(FACTS["words"]), None, fold_case=False)
-    return cut_words(encoded, count, WINDOW, timed=timed)
+    """Word ids of chunks, looked up as published, a word at a time."""
+    vocabulary = Vocabulary(FACTS["words"])
+    parts = [encode_words([word], vocabulary, None, fold_case=False) for word in words]
+    joined = joined_words(parts, len(vocabulary))
+    return torch.stack([chunk_words(joined, i, WINDOW, timed=timed) for i in range(count)])
+
+
+def sounds(speech: Speech, count: int) -> torch.Tensor:
+    """``(count, 36266)``: the sound of the first chunks, which start every 2 s."""
+    return torch.stack([chunk_audio(speech.waveform[i * 32_000 :], WINDOW) for i in range(count)])
 
 
 def seeded(seed: int) -> torch.Generator:
@@ -74,8 +74,13 @@ def seeded(seed: int) -> torch.Generator:
     ],
 )
 def test_chunk_count(samples, chunks):
-    assert chunk_count(samples, WINDOW) == chunks
-    assert 34 + 30 * (chunks - 1) >= covering_frames(samples, 15.0)
+    model = method(context="text", mean_style=True)
+    made = []
+    decode = model.generator.decode
+    model.generator.decode = lambda *given: made.append(given) or decode(*given)
+    motion = model.generate(Speech(np.zeros(samples, dtype=np.float32)))
+    assert len(made) == chunks
+    assert 34 + 30 * (chunks - 1) >= len(motion)
 
 
 @pytest.mark.parametrize("samples", [0, 1, 1066, 1067, 15_999, 16_000, 16_001, 48_000, 9_600_000])
@@ -83,13 +88,11 @@ def test_covering_frames_is_the_exact_ceiling(samples):
     assert covering_frames(samples, 15.0) == -(-samples * 15 // 16_000)
 
 
-def test_chunks_of_audio_overlap_and_end_in_zeros():
-    waveform = torch.arange(1.0, 70_001.0)
-    chunks = cut_audio(waveform, 3, WINDOW)
-    assert chunks.shape == (3, 36_266)
-    assert [float(chunk[0]) for chunk in chunks] == [1.0, 32_001.0, 64_001.0]
-    assert float(chunks[2][5_999]) == 70_000.0
-    assert chunks[2][6_000:].eq(0).all()
+def test_the_sound_of_a_chunk_ends_in_zeros():
+    chunk = chunk_audio(np.arange(1.0, 6_001.0, dtype=np.float32), WINDOW)
+    assert chunk.shape == (36_266,)
+    assert float(chunk[5_999]) == 6000.0
+    assert chunk[6_000:].eq(0).all()
 
 
 def test_words_fall_on_the_onset_frames_of_each_chunk():
@@ -121,25 +124,10 @@ def test_spreading_a_batch_agrees_with_the_even_placement_of_its_words():
             np.testing.assert_array_equal(spread, evenly_placed_words(row[row != 0], 34))
 
 
-def test_stitching_weights_by_hand():
-    chunks = torch.zeros(2, 34, 1)
-    chunks[0], chunks[1] = 10.0, 20.0
-    chunks[0, 30:, 0] = torch.tensor([1.0, 2.0, 3.0, 4.0])
-    stitched = stitch(chunks, 4).flatten()
-    assert len(stitched) == 64
-    assert stitched[:30].eq(10).all()
+def test_blending_weights_by_hand():
+    overlap = blend(torch.tensor([[1.0], [2.0], [3.0], [4.0]]), torch.full((4, 1), 20.0))
     # .8*1+.2*20, .6*2+.4*20, .4*3+.6*20, .2*4+.8*20
-    assert stitched[30:34].tolist() == pytest.approx([4.8, 9.2, 13.2, 16.8])
-    assert stitched[34:].eq(20).all()
-
-
-def test_three_chunks_stitch_to_94_frames():
-    torch.manual_seed(0)
-    chunks = torch.randn(3, 34, 27)
-    stitched = stitch(chunks, 4)
-    assert stitched.shape == (94, 27)
-    torch.testing.assert_close(stitched[34:60], chunks[1, 4:30])
-    torch.testing.assert_close(stitched[62], 0.4 * chunks[1, 32] + 0.6 * chunks[2, 2])
+    assert overlap.flatten().tolist() == pytest.approx([4.8, 9.2, 13.2, 16.8])
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.01, 1.0, 34 / 15, 2.3, 5.03, 12.345])
@@ -174,7 +162,7 @@ def test_synthesis_is_the_chunk_by_chunk_recipe():
     motion = model.generate(speech, speaker="bob")
     network = model.generator.eval()
     words = cut(WORDS, 3)
-    audio = cut_audio(torch.from_numpy(speech.waveform), 3, WINDOW)
+    audio = sounds(speech, 3)
     seeds, chunks = torch.zeros(1, 34, 28), []
     with torch.no_grad():
         for chunk in range(3):
@@ -184,7 +172,16 @@ def test_synthesis_is_the_chunk_by_chunk_recipe():
             chunks.append(poses[0])
             seeds = torch.zeros(1, 34, 28)
             seeds[:, :4, :27], seeds[:, :4, 27] = poses[:, 30:], 1
-        features = stitch(torch.stack(chunks), 4)[:75]
+        first, second, third = chunks
+        features = torch.cat(
+            [
+                first[:30],
+                blend(first[30:], second[:4]),
+                second[4:30],
+                blend(second[30:], third[:4]),
+                third[4:],
+            ]
+        )[:75]
         expected = model.codec.decode(features)
     np.testing.assert_allclose(motion.positions, expected.numpy(), atol=1e-5)
 

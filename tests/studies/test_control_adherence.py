@@ -49,11 +49,11 @@ class Made(GestureMethod):
 
     def __init__(self, matcher, obeys=True, own=False):
         super().__init__()
-        self.matcher, self.obeys, self.own = matcher, obeys, own
+        self.matcher, self.obeys, self.same_speaker = matcher, obeys, own
 
     def closed_sequences(self, speaker, generator):
         database = self.matcher.database
-        return np.flatnonzero(~database.spoken_by(speaker)) if self.own else None
+        return np.flatnonzero(~database.spoken_by(speaker)) if self.same_speaker else None
 
     def stages(self, speech, controls, generator, speaker=None):
         assert not self.training

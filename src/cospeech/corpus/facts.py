@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, TypedDict
 
+from cospeech.motion.upper_body import UPPER_BODY
+
 
 class CorpusFacts(TypedDict):
     """Facts of a prepared corpus, as plain values, so that a checkpoint holds them.
@@ -25,3 +27,20 @@ class CorpusFacts(TypedDict):
     skeleton: dict[str, Any]
     fingerprint: str
     store: str
+
+
+def placeholder_facts() -> CorpusFacts:
+    """Facts of a corpus that isn't there, with every joint and statistic that a method may want.
+
+    A method built with them shows whether its settings are possible.
+    """
+    bones = len(UPPER_BODY) - 1
+    return {
+        "words": ["<PAD>", "<SOS>", "<EOS>", "<UNK>"],
+        "speakers": ["speaker"],
+        "mean_direction": [0.0, 1.0, 0.0] * bones,
+        "bone_lengths": [0.25] * bones,
+        "skeleton": UPPER_BODY.to_dict(),
+        "fingerprint": "",
+        "store": "",
+    }

@@ -14,9 +14,9 @@ from cospeech.experiment.building import build, require_same
 from cospeech.experiment.finished_run import CHECKPOINTS, FinishedRun, open_run
 from cospeech.experiment.judging_again import corpus_of, encoder_of
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.methods.base import HasSchedule
+from cospeech.methods.capabilities import HasSchedule, HoldsPhaseClassifier, MakesJoints
 from cospeech.reporting.collect import collect
-from cospeech.studies.gestures.systems import MakesJoints, TrainedSystem
+from cospeech.studies.gestures.systems import TrainedSystem
 
 logger = logging.getLogger(__name__)
 
@@ -94,13 +94,13 @@ def _phase_judge(
     if path is not None:
         return FrozenPhaseClassifier.load(path), str(path)
     for system in sorted(systems, key=lambda system: system.name != "full"):
-        found = getattr(system.method, "classifier", None)
-        if found is not None:
+        holder = system.method
+        if isinstance(holder, HoldsPhaseClassifier) and holder.classifier is not None:
             text = (
                 f"the classifier inside {system.name}, seed {system.seed}: that system was trained"
                 " against it, which flatters it; classifier=FILE takes another"
             )
-            return found, text
+            return holder.classifier, text
     return None, "nothing"
 
 

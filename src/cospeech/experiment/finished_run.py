@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -29,7 +30,8 @@ from cospeech.experiment.plain_arguments import (
     require_types,
 )
 from cospeech.foreign import understood
-from cospeech.methods.base import GestureMethod, HasSchedule
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import HasSchedule, NeedsStore
 from cospeech.nn.checkpoints import is_kept, previous_of, read_whole
 from cospeech.nn.weights_file import filled
 from cospeech.quoting import setting
@@ -52,7 +54,7 @@ _NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers")
 
 @dataclass(frozen=True, eq=False)
 class FinishedRun:
-    """A run whose record has been checked; `load` makes its method.
+    """A run whose record has been checked; `FinishedRun.load` makes its method.
 
     Attributes:
         folder: The run's folder.
@@ -105,7 +107,7 @@ class FinishedRun:
                 f"run={self.folder}: a {self.model} makes no motion", "give a run of a method"
             )
         for name in given:
-            if not self.takes(name):
+            if name not in argument_names(self.method):
                 raise ConfigError(f"a {self.model} has no {name}", f"leave {name} out")
         hint = _instead_of(self.checkpoint)
         checkpoint, content = read_whole(self.checkpoint, hint)
@@ -121,9 +123,10 @@ class FinishedRun:
             )
         return model
 
-    def takes(self, argument: str) -> bool:
-        """Whether the method's constructor has an argument of this name."""
-        return argument in argument_names(self.method)
+    def needs_store(self, **given: Any) -> bool:
+        """Whether the method looks things up in its corpus, with these arguments of its own."""
+        arguments = {**self.config["model"], **given}
+        return issubclass(self.method, NeedsStore) and self.method.needs_store(arguments)
 
     def _built(
         self, content: dict[str, Any], store: Store | None, given: dict[str, Any]
@@ -207,6 +210,35 @@ class FinishedRun:
         return typed, others
 
 
+def load(
+    run: str | Path,
+    checkpoint: str = "best",
+    store_folders: Iterable[str | Path] = (),
+    **given: Any,
+) -> GestureMethod:
+    """The trained method of a finished run, on the CPU and ready to speak.
+
+    Args:
+        run: The run's folder.
+        checkpoint: ``"best"`` or ``"last"``.
+        store_folders: Where prepared corpora lie, for a method that looks things up in its own;
+            those beside the run are looked through anyway.
+        given: Arguments of the method's constructor in the place of the checkpoint's.
+
+    Raises:
+        ConfigError: As `open_run` and `FinishedRun.load`, or the corpus that the method looks
+            things up in isn't there any more.
+        InputFileError: As `open_run` and `FinishedRun.load`.
+    """
+    opened = open_run(run, checkpoint)
+    store = None
+    if opened.needs_store(**given):
+        folders = [str(folder) for folder in store_folders]
+        named = [setting("data.store_dir", folder) for folder in folders[:1]]
+        store = opened.require_store(folders, " ".join(["python prepare.py", *named]))
+    return opened.load(store, **given)
+
+
 def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
     """Open a run's folder.
 
@@ -249,7 +281,9 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
     for name, known in (("model", argument_names(method)), ("data", list(data.values))):
         require_plain(config[name], f"config.{name}")
         require_known(list(config[name]), known, f"config.{name}")
-    require_types(config["data"], get_type_hints(get_class(data.target)), "config.data")
+    # Data modules lie in the project's folder, and their types are known where that is at hand.
+    if find_spec(data.target.partition(".")[0]) is not None:
+        require_types(config["data"], get_type_hints(get_class(data.target)), "config.data")
     for part in ("metrics", "training", "choices"):
         require_plain(config[part], f"config.{part}")
     require_known(list(config["metrics"]), list(_METRICS), "config.metrics")

@@ -12,16 +12,14 @@ from hydra.utils import to_absolute_path
 from omegaconf import DictConfig, OmegaConf
 
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.experiment.finished_run import open_run
+from cospeech.experiment.finished_run import load
 from cospeech.files import replacing
 from cospeech.matching.control import read_values
-from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import TakesControls
 from cospeech.motion.motion import Motion
-from cospeech.quoting import setting
 from cospeech.reporting.player import PlayerClip, write_player
-from cospeech.speech.audio import load_audio
-from cospeech.speech.speech import SAMPLE_RATE, Speech
-from cospeech.speech.transcript import read_transcript_with_timing
+from cospeech.speech.reading import read_speech
+from cospeech.speech.speech import Speech
 
 logger = logging.getLogger(__name__)
 
@@ -44,20 +42,18 @@ def generate(cfg: DictConfig) -> Motion:
     for key, example in (("run", "run=outputs/runs/ID"), ("audio", "audio=speech.wav")):
         if OmegaConf.is_missing(cfg, key):
             raise ConfigError(f"{key} is not set", f"add {example}")
-    method = _method(cfg)
-    waveform = load_audio(to_absolute_path(cfg.audio))
-    words = None
-    if cfg.transcript is not None:
-        path = to_absolute_path(cfg.transcript)
-        transcript = read_transcript_with_timing(path, len(waveform) / SAMPLE_RATE)
-        words = transcript.words
-        for note in transcript.notes:
-            logger.warning("%s: %s", cfg.transcript, note)
-    speech = Speech(waveform, words)
+    given = {} if cfg.database is None else {"database": to_absolute_path(cfg.database)}
+    method = load(str(cfg.run), cfg.checkpoint, [cfg.data.store_dir], **given)
+    transcript = None if cfg.transcript is None else to_absolute_path(cfg.transcript)
+    speech = read_speech(to_absolute_path(cfg.audio), transcript)
     controls = None
     if cfg.controls is not None:
-        found = read_values(to_absolute_path(cfg.controls))
-        controls = found if isinstance(found, dict) else {"controls": found}
+        if not isinstance(method, TakesControls):
+            raise ConfigError(
+                f"controls={cfg.controls}: a {type(method).__name__} takes no controls",
+                "leave controls out",
+            )
+        controls = read_values(to_absolute_path(cfg.controls))
     started = time.perf_counter()
     try:
         motion = method.generate(
@@ -107,14 +103,3 @@ def _written(motion: Motion, speech: Speech, folder: Path, name: str, seconds: f
         f" ({motion.duration / max(seconds, 1e-9):.0f} times real time)\n"
         f"listen: {page.resolve()}\n{kept}"
     )
-
-
-def _method(cfg: DictConfig) -> GestureMethod:
-    run = open_run(str(cfg.run), cfg.checkpoint)
-    given = {} if cfg.database is None else {"database": to_absolute_path(cfg.database)}
-    store = None
-    if run.takes("database") and not (given or run.config["model"].get("database")):
-        # What is searched lies beside the corpus.
-        command = f"python prepare.py {setting('data.store_dir', str(cfg.data.store_dir))}"
-        store = run.require_store([cfg.data.store_dir], command)
-    return run.load(store, **given)

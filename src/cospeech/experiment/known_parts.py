@@ -7,8 +7,10 @@ looked up here and never imported.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.object_type import ObjectType
 from hydra.plugins.config_source import ConfigSource
@@ -34,9 +36,10 @@ class KnownPart:
 
 
 def names_of(group: str) -> list[str]:
-    """What a group offers, on the search path of the running command.
+    """What a group offers.
 
-    That search path is the project's ``conf`` and what the user adds to it (``--config-dir``).
+    That is what lies on the search path of the running command, the project's ``conf`` and what the
+    user adds to it (``--config-dir``); in Python, where no command runs, ``conf`` alone.
 
     Args:
         group: ``"model"`` or ``"data"``.
@@ -57,9 +60,20 @@ def known_part(group: str, name: str) -> KnownPart | None:
 
 
 def _offered(group: str) -> list[tuple[ConfigSource, str]]:
+    hydra = GlobalHydra.instance()
+    sources = hydra.config_loader().get_sources() if hydra.is_initialized() else [_own_conf()]
     return [
         (source, name)
-        for source in GlobalHydra.instance().config_loader().get_sources()
+        for source in sources
         if source.available() and source.is_group(group)
         for name in source.list(group, ObjectType.CONFIG)
     ]
+
+
+def _own_conf() -> ConfigSource:
+    """The project's ``conf``: beside ``src`` in a checkout, inside the package where installed."""
+    package = Path(__file__).resolve().parents[1]
+    folder = package / "conf"
+    return FileConfigSource(
+        "main", f"file://{folder if folder.is_dir() else package.parents[1] / 'conf'}"
+    )

@@ -20,6 +20,7 @@ from lightning.pytorch.loggers import Logger
 from lightning.pytorch.utilities.model_helpers import is_overridden
 from omegaconf import DictConfig, OmegaConf
 
+from cospeech.corpus.facts import placeholder_facts
 from cospeech.corpus.store import Store
 from cospeech.encoders import BATCH_SIZE, keep_encoder
 from cospeech.errors import ConfigError, CospeechError, one_line
@@ -33,8 +34,8 @@ from cospeech.experiment.stopping import (
     end_with_the_first_process,
     stopped_like_ctrl_c,
 )
-from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import FittedWithoutSteps, HandsOverEncoder
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
 from cospeech.nn.checkpoints import LAST, is_kept
 from cospeech.quoting import setting
@@ -148,17 +149,19 @@ def _lost_peer(error: BaseException) -> CospeechError | None:
 
 
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
-    lightning.seed_everything(cfg.seed, verbose=False)
     data = build(cfg.data)
     method = cast(type[GestureMethod], get_class(cfg.model._target_))
     data.refuse_impossible(cfg.choices.model, method.needs)
+    # What is wrong with the settings is found before anything slow begins, of any corpus ...
+    build(cfg.model, corpus=placeholder_facts())
+    lightning.seed_everything(cfg.seed, verbose=False)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
     logger.info("%s", store.describe())
     require_same(record.values["data_fingerprint"], store.fingerprint, "the corpus")
     record.update(data_fingerprint=store.fingerprint)
 
-    # Everything that can be wrong with the settings is found before anything slow begins.
+    # ... and of this one, before its encoder is trained.
     lightning.seed_everything(cfg.seed, verbose=False)
     model: LightningModule = build(cfg.model, corpus=store.facts())
     checkpoint = _checkpoint(cfg, folder)
@@ -195,13 +198,17 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         )
     # A fit that has ended is only loaded again, and the run goes on behind it.
     fit = record.values["fit"] or {}
-    ended = {"max_epochs": fit["ended"]} if fit.get("asked") == cfg.training.epochs else {}
+    has_ended = fit.get("asked") == cfg.training.epochs
+    settings: dict[str, Any] = {"max_epochs": fit["ended"]} if has_ended else {}
+    if isinstance(model, FittedWithoutSteps):
+        # There is nothing to share among processes, and torch's refuse what has no weights.
+        settings |= {"devices": 1, "strategy": "auto"}
     trainer: Trainer = instantiate(
         cfg.trainer,
         callbacks=callbacks,
         logger=loggers or False,
         default_root_dir=str(folder),
-        **ended,
+        **settings,
     )
     device = f"{trainer.world_size} x {trainer.strategy.root_device.type}"
     record.update(hardware={**record.values["hardware"], "device": device})
@@ -229,7 +236,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             told = f"python evaluate.py {setting('run', str(folder))} checkpoint=last"
             again += f"; or judge its last weights: {told}"
         load_weights(model, Path(best.best_model_path), again)
-    if isinstance(model, MotionAutoencoder) and trainer.is_global_zero:
+    if isinstance(model, HandsOverEncoder) and trainer.is_global_zero:
         _keep_encoder(cfg, folder, store, model)
     if cfg.test and isinstance(model, GestureMethod):
         assert encoder is not None
@@ -271,13 +278,13 @@ def _summarise(folder: Path, record: RunRecord) -> None:
         print(f"listen: {samples[-1].resolve()}")
 
 
-def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: MotionAutoencoder) -> None:
+def _keep_encoder(cfg: DictConfig, folder: Path, store: Store, model: HandsOverEncoder) -> None:
     """The explicitly trained encoder, beside the run and, if made as by default, in the store."""
     path = folder / "encoder.pt"
     save_encoder(model.encoder(str(folder.name)), path)
     as_by_default = (
         cfg.training.batch_size == BATCH_SIZE
-        and model.learning_rate == MotionAutoencoder(store.facts()).learning_rate
+        and model.is_usual
         and not any(str(key).startswith("limit_") for key in cfg.trainer)
     )
     if as_by_default:

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
@@ -141,6 +142,13 @@ class MatchingDatabase:
         relative: NDArray[np.float32] = chosen - chosen[..., :1, :]
         return relative
 
+    def of_others(self, speaker: str | None, generator: torch.Generator) -> NDArray[np.int64]:
+        """The sequences that aren't of a speaker; somebody is drawn where it has none of theirs."""
+        if speaker is None or speaker not in self.speaker_names:
+            drawn = int(torch.randint(len(self.speaker_names), (), generator=generator))
+            speaker = self.speaker_names[drawn]
+        return np.flatnonzero(~self.spoken_by(speaker))
+
     def audio_queries(
         self, waveform: NDArray[np.float32], frames: int | None = None
     ) -> NDArray[np.float32]:
@@ -157,8 +165,11 @@ class MatchingDatabase:
         Returns:
             ``(F, Da)`` at ``spec.fps``.
         """
+        return self.queries_of(sphinx_features(waveform, self.spec.fps, frames))
+
+    def queries_of(self, channels: NDArray[np.float32]) -> NDArray[np.float32]:
+        """As `audio_queries`, of the ``(F, 14)`` channels of speech up to its end."""
         spec = self.spec
-        channels = sphinx_features(waveform, spec.fps, frames)
         count, reach = len(channels), spec.reach(spec.audio_taps)
         if spec.true_future and count:
             channels = np.pad(channels, ((0, reach), (0, 0)), mode="edge")

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from cospeech.errors import CospeechError
+from cospeech.matching.reference import Match
 from cospeech.matching.search import MatchingSearch, Query
 
 _DRAWS = 64
@@ -89,56 +90,121 @@ def match_together(
     Raises:
         CospeechError: A step of a clip has no eligible window, or no frame that it may begin from.
     """
-    database, step = search.database, search.step
-    taken: list[list[tuple[int, int]]] = [[] for _ in clips]
-    poses = [_first_pose(search, clip, generator) for clip in clips]
+    step = search.step
+    walks = [
+        Walk(
+            search,
+            clip.k,
+            clip.closed,
+            clip.from_mean_pose,
+            natural_continuation,
+            generator,
+            clip.mask(0) if len(clip.audio) else None,
+        )
+        for clip in clips
+    ]
     most = max((-(-len(clip.audio) // step) for clip in clips), default=0)
     for number in range(most):
         going = [i for i, clip in enumerate(clips) if number * step < len(clip.audio)]
-        queries = []
-        for i in going:
-            clip, standing = clips[i], poses[i]
-            goes_on = None
-            if natural_continuation and standing is not None and number:
-                goes_on = standing[0], standing[1] + 1 - search.start_offset
-            queries.append(
-                Query(
-                    _pose_feature(search, standing),
-                    clip.audio[number * step],
-                    clip.k,
-                    clip.mask(number),
-                    # The window that would begin with the frame shown last.
-                    None if standing is None else (standing[0], standing[1] - search.start_offset),
-                    clip.closed,
-                    goes_on,
-                )
-            )
+        queries = [
+            walks[i].query(clips[i].audio[number * step], clips[i].mask(number)) for i in going
+        ]
         for i, query, found in zip(going, queries, search.answer(queries), strict=True):
-            if found.sequence < 0 and query.standing_on is not None:
-                # The window that it stands on is all that its controls leave.
-                found = search(query._replace(standing_on=None))
-            if found.sequence < 0:
-                raise CospeechError(
-                    f"no window of the database may be used at step {number}"
-                    f" ({number * step / database.spec.fps:.2f} s)",
-                    "loosen that step's controls",
-                )
-            first = found.frame + search.start_offset
-            taken[i].append((found.sequence, first))
-            poses[i] = found.sequence, first + step - 1
-    return [_put_together(search, clip, rows) for clip, rows in zip(clips, taken, strict=True)]
+            walks[i].take(query, found)
+    return [
+        _put_together(search, clip, walk.taken) for clip, walk in zip(clips, walks, strict=True)
+    ]
+
+
+class Walk:
+    """A way through a database, a step at a time.
+
+    Args:
+        search: The database, and how it is searched.
+        k: Which candidate is taken, from 1.
+        closed: Sequences that aren't used.
+        from_mean_pose: Begin near the mean pose, not near a random frame.
+        natural_continuation: See `match_together`.
+        generator: Draws the first pose.
+        mask: Which frames the first step may use; None for all.
+
+    Attributes:
+        taken: Sequence and first frame of each window.
+
+    Raises:
+        CospeechError: There is no frame that it may begin from.
+    """
+
+    def __init__(
+        self,
+        search: MatchingSearch,
+        k: int = 1,
+        closed: Sequence[int] | NDArray[np.int64] = (),
+        from_mean_pose: bool = False,
+        natural_continuation: bool = False,
+        generator: torch.Generator | None = None,
+        mask: NDArray[np.bool_] | None = None,
+    ) -> None:
+        self.taken: list[tuple[int, int]] = []
+        self._search, self._k, self._closed = search, k, closed
+        self._natural_continuation = natural_continuation
+        self._standing = None if from_mean_pose else _first_pose(search, mask, closed, generator)
+
+    def query(self, audio: NDArray[np.float32], mask: NDArray[np.bool_] | None = None) -> Query:
+        """What the next step looks for.
+
+        Args:
+            audio: ``(Da,)`` feature of the step's first frame.
+            mask: Which frames may be used; None for all.
+        """
+        standing, offset = self._standing, self._search.start_offset
+        goes_on = None
+        if self._natural_continuation and standing is not None and self.taken:
+            goes_on = standing[0], standing[1] + 1 - offset
+        return Query(
+            _pose_feature(self._search, standing),
+            audio,
+            self._k,
+            mask,
+            # The window that would begin with the frame shown last.
+            None if standing is None else (standing[0], standing[1] - offset),
+            self._closed,
+            goes_on,
+        )
+
+    def take(self, query: Query, found: Match) -> tuple[int, int]:
+        """Go on to the window that was found, and return its sequence and first frame.
+
+        Raises:
+            CospeechError: No window may be used.
+        """
+        search = self._search
+        if found.sequence < 0 and query.standing_on is not None:
+            # The window that it stands on is all that its controls leave.
+            found = search(query._replace(standing_on=None))
+        if found.sequence < 0:
+            number = len(self.taken)
+            raise CospeechError(
+                f"no window of the database may be used at step {number}"
+                f" ({number * search.step / search.database.spec.fps:.2f} s)",
+                "loosen that step's controls",
+            )
+        first = found.frame + search.start_offset
+        self.taken.append((found.sequence, first))
+        self._standing = found.sequence, first + search.step - 1
+        return self.taken[-1]
 
 
 def _first_pose(
-    search: MatchingSearch, clip: Clip, generator: torch.Generator | None
-) -> tuple[int, int] | None:
-    """The frame that a clip begins from; None for the mean pose."""
-    if clip.from_mean_pose:
-        return None
+    search: MatchingSearch,
+    mask: NDArray[np.bool_] | None,
+    closed: Sequence[int] | NDArray[np.int64],
+    generator: torch.Generator | None,
+) -> tuple[int, int]:
+    """A random frame that a walk may begin from."""
     usable = search.database.usable
-    mask = clip.mask(0) if len(clip.audio) else None
     open_sequences = np.ones(len(usable), dtype=np.bool_)
-    open_sequences[np.asarray(clip.closed, dtype=np.int64)] = False
+    open_sequences[np.asarray(closed, dtype=np.int64)] = False
     for _ in range(_DRAWS):
         place = int(torch.randint(usable.size, (), generator=generator))
         sequence, frame = divmod(place, usable.shape[1])

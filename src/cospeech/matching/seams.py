@@ -39,42 +39,74 @@ def blended(
         step: Frames of a window.
         seam: How.
     """
-    if seam == "crossfade":
-        return _crossfaded(matched, database, step)
-    if seam == "inertialise":
-        return _inertialised(matched.poses, step, database.spec.fps)
-    return matched.poses
+    if seam == "cut" or not len(matched.poses):
+        return matched.poses
+    smoothed = SmoothedSeams(database, step, seam)
+    windows = [
+        smoothed(matched.poses[number * step : (number + 1) * step], int(sequence), int(frame))
+        for number, (sequence, frame) in enumerate(
+            zip(matched.sequences, matched.frames, strict=True)
+        )
+    ]
+    return np.concatenate(windows)
 
 
-def _crossfaded(matched: Matched, database: MatchingDatabase, step: int) -> NDArray[np.float32]:
-    poses = matched.poses.copy()
-    count = min(CROSSFADE_FRAMES, step)
-    places = np.arange(1, count + 1) / (count + 1)
-    shares = (places * places * (3 - 2 * places)).astype(np.float32)[:, None, None]
-    last = database.poses.shape[1] - 1
-    windows = zip(matched.sequences, matched.frames, strict=True)
-    for number, (sequence, frame) in enumerate(windows, start=1):
-        first = number * step
-        there = poses[first : first + count]
+class SmoothedSeams:
+    """Windows one after the other, each joined to the one before.
+
+    Args:
+        database: Where windows go on.
+        step: Frames of a window, of which the last may have fewer.
+        seam: How.
+    """
+
+    def __init__(self, database: MatchingDatabase, step: int, seam: Seam) -> None:
+        self._database, self._step, self._seam = database, step, seam
+        self._from: tuple[int, int] | None = None
+        self._before: NDArray[np.float64] | None = None
+
+    def __call__(
+        self, window: NDArray[np.float32], sequence: int, frame: int
+    ) -> NDArray[np.float32]:
+        """The next window ``(F, J, 3)``, smoothed.
+
+        Args:
+            window: Its poses.
+            sequence: Where it comes from.
+            frame: Its first frame there.
+        """
+        if self._seam == "crossfade":
+            before, self._from = self._from, (sequence, frame)
+            return window if before is None else self._crossfaded(window, *before)
+        if self._seam == "inertialise":
+            return self._inertialised(window)
+        return window
+
+    def _crossfaded(
+        self, window: NDArray[np.float32], sequence: int, frame: int
+    ) -> NDArray[np.float32]:
+        count = min(CROSSFADE_FRAMES, self._step)
+        places = np.arange(1, count + 1) / (count + 1)
+        shares = (places * places * (3 - 2 * places)).astype(np.float32)[:, None, None]
+        there = window[:count]
         # A sequence that ends stays in its last pose.
-        rows = np.minimum(frame + step + np.arange(len(there)), last)
-        before = database.poses[sequence, rows]
-        poses[first : first + count] = before + shares[: len(there)] * (there - before)
-    return poses
+        last = self._database.poses.shape[1] - 1
+        rows = np.minimum(frame + self._step + np.arange(len(there)), last)
+        before = self._database.poses[sequence, rows]
+        faded = before + shares[: len(there)] * (there - before)
+        return np.concatenate([faded, window[count:]])
 
-
-def _inertialised(poses: NDArray[np.float32], step: int, fps: float) -> NDArray[np.float32]:
-    """A critically damped spring on the offset from what was put out before each seam."""
-    smooth = poses.astype(np.float64)
-    stiffness = _HALVED / HALF_LIFE_S
-    times_s = (np.arange(step) / fps)[:, None, None]
-    decay = np.exp(-stiffness * times_s)
-    for first in range(step, len(poses), step):
-        window = poses[first : first + step].astype(np.float64)
-        velocity = (smooth[first - 1] - smooth[first - 2]) * fps if step > 1 else 0.0
-        expected = smooth[first - 1] + velocity / fps
-        offset = expected - window[0]
-        own = (window[1] - window[0]) * fps if len(window) > 1 else velocity
-        slope = velocity - own + stiffness * offset
-        smooth[first : first + step] = window + ((offset + slope * times_s) * decay)[: len(window)]
-    return smooth.astype(np.float32)
+    def _inertialised(self, poses: NDArray[np.float32]) -> NDArray[np.float32]:
+        """A critically damped spring on the offset from what was put out before the seam."""
+        window, before = poses.astype(np.float64), self._before
+        if before is not None:
+            fps, stiffness = self._database.spec.fps, _HALVED / HALF_LIFE_S
+            times_s = (np.arange(self._step) / fps)[:, None, None]
+            decay = np.exp(-stiffness * times_s)
+            velocity = (before[-1] - before[-2]) * fps if self._step > 1 else 0.0
+            offset = before[-1] + velocity / fps - window[0]
+            own = (window[1] - window[0]) * fps if len(window) > 1 else velocity
+            slope = velocity - own + stiffness * offset
+            window = window + ((offset + slope * times_s) * decay)[: len(window)]
+        self._before = window
+        return window.astype(np.float32)

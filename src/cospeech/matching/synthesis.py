@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -18,7 +17,7 @@ from cospeech.matching.matching import Clip, Matched, match_together
 from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import LEAST_INERTIAL_STEP, Seam, blended
 from cospeech.matching.search import MatchingSearch
-from cospeech.speech.speech import SAMPLE_RATE, Speech
+from cospeech.speech.speech import Speech, covering_frames
 
 InitialPose = Literal["random", "mean"]
 
@@ -100,10 +99,6 @@ class MotionMatcher:
             database, settings.step_frames, settings.preselect, settings.start_offset, threads
         )
 
-    def frames_of(self, waveform: NDArray[np.float32]) -> int:
-        """Frames of motion that cover a waveform."""
-        return math.ceil(len(waveform) / SAMPLE_RATE * self.database.spec.fps - 1e-9)
-
     def __call__(
         self,
         speech: Speech,
@@ -126,7 +121,9 @@ class MotionMatcher:
             CospeechError: The waveform holds NaN, or a step's controls leave no window and are
                 said to be an error then.
         """
-        queries = self._heard(speech.waveform, self.frames_of(speech.waveform))
+        queries = self._heard(
+            speech.waveform, covering_frames(len(speech.waveform), self.database.spec.fps)
+        )
         plan = None
         if controls is not None:
             steps = -(-len(queries) // self.settings.step_frames)

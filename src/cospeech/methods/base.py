@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, ClassVar
 
 import torch
 from lightning import LightningModule
-from torch import Tensor
+from torch import Tensor, nn
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
+from cospeech.methods.streams import Stream
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
 
@@ -20,7 +22,7 @@ from cospeech.speech.speech import Speech
 class GestureMethod(LightningModule):
     """Base of the methods: windows in, upper-body motion out.
 
-    A subclass sets `window` and `needs`, implements `sample` and `generate`, and trains itself by
+    A subclass sets `window` and `needs`, implements `sample` and `open`, and trains itself by
     manual optimisation. Schedules are pure values of ``current_epoch``; every random number in
     training comes from torch's global generator, which the run seeds anew for each step, so that a
     resumed run continues exactly.
@@ -52,26 +54,52 @@ class GestureMethod(LightningModule):
         """
 
     @abstractmethod
+    def open(
+        self,
+        speaker: str | None = None,
+        controls: Any = None,
+        seed_motion: Motion | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Stream:
+        """Begin the motion for a speech of any length.
+
+        Args:
+            speaker: A training speaker's name; None lets the method choose.
+            controls: What `TakesControls.parse_controls` reads; None for none.
+            seed_motion: Upper-body motion to continue from, at the method's frame rate.
+            generator: Source of every random draw; None seeds one with 0.
+
+        Raises:
+            CospeechError: The method refuses one of them.
+        """
+
     def generate(
         self,
         speech: Speech,
         speaker: str | None = None,
         seed_motion: Motion | None = None,
-        controls: dict[str, Any] | None = None,
+        controls: Any = None,
         generator: torch.Generator | None = None,
     ) -> Motion:
-        """Motion for speech of any length.
+        """Motion for speech of any length: all of it is pushed into a stream, which is finished.
 
         Args:
             speech: Waveform and, if the method reads them, words.
-            speaker: A training speaker's name; None lets the method choose.
-            seed_motion: Upper-body motion to continue from, at the method's frame rate.
-            controls: Method-specific controls; an unknown name is an error.
-            generator: Source of every random draw; None seeds one with 0.
+            speaker: As for `open`, like the other three.
+            seed_motion: See `open`.
+            controls: See `open`.
+            generator: See `open`.
 
         Returns:
             Upper-body motion that covers the audio exactly: ``ceil(duration * fps)`` frames.
+
+        Raises:
+            CospeechError: As `open` and `Stream.push`.
         """
+        stream = self.open(speaker, controls, seed_motion, generator)
+        begun = stream.push(speech.waveform, speech.words)
+        rest = stream.finish()
+        return rest if begun is None else begun.followed_by(rest)
 
     def validation_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """Sampled positions of the batch, for the evaluation callback.
@@ -90,7 +118,7 @@ class GestureMethod(LightningModule):
             CospeechError: One can't be read, or doesn't fit.
         """
 
-    def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
+    def derived_values(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """Further values of an evaluation, logged beside those it is given.
 
         Args:
@@ -103,23 +131,10 @@ class GestureMethod(LightningModule):
         return self.validation_step(batch, batch_idx)
 
 
-@runtime_checkable
-class HasSchedule(Protocol):
-    """A method whose training has an end of its own, whatever the number of epochs."""
-
-    @property
-    def steps_left(self) -> int:
-        """Training steps to that end."""
-
-    @property
-    def in_last_stage(self) -> bool:
-        """Whether the weights are such as the training is for, and not of a stage before."""
-
-
 def refuse_unknown(
     speaker: str | None, speakers: Sequence[str], seed_motion: Motion | None
 ) -> None:
-    """What `GestureMethod.generate` refuses where a method continues no motion.
+    """What `GestureMethod.open` refuses where a method continues no motion.
 
     Raises:
         CospeechError: A speaker who isn't among the training's, or a seed motion.
@@ -129,3 +144,14 @@ def refuse_unknown(
         raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
     if seed_motion is not None:
         raise CospeechError("this method can't continue a motion", "leave seed_motion out")
+
+
+@contextmanager
+def evaluating(network: nn.Module) -> Iterator[None]:
+    """The network in eval mode inside, and afterwards as it was."""
+    training = network.training
+    network.eval()
+    try:
+        yield
+    finally:
+        network.train(training)

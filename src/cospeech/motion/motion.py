@@ -78,6 +78,16 @@ class Motion:
             None if rotations is None else rotations[start:stop:step],
         )
 
+    def followed_by(self, other: Motion) -> Motion:
+        """This motion and then another one, of the same joints and frame rate."""
+        mine, others = self.rotations_local, other.rotations_local
+        return Motion(
+            self.skeleton,
+            self.fps,
+            np.concatenate([self.positions, other.positions]),
+            None if mine is None or others is None else np.concatenate([mine, others]),
+        )
+
 
 def resample_positions(
     positions: NDArray[np.floating], fps: float, new_fps: float

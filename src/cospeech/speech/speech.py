@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,3 +47,8 @@ class Speech:
     def duration(self) -> float:
         """Seconds of audio."""
         return len(self.waveform) / SAMPLE_RATE
+
+
+def covering_frames(samples: int, fps: float) -> int:
+    """Fewest frames that cover ``samples`` of 16 kHz audio: ``ceil(seconds * fps)``."""
+    return math.ceil(round(samples * fps, 6) / SAMPLE_RATE)

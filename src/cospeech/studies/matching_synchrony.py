@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +10,23 @@ import torch
 
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
+from cospeech.matching.features import MatchingSpec
+from cospeech.matching.fitting import fit_database
+from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
 from cospeech.methods.base import GestureMethod
-from cospeech.methods.motion_matching import MotionMatching
-from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
+from cospeech.methods.capabilities import MakesStages
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import Speech
 from cospeech.studies.synchrony import SpeechToMotion, synchrony
 
-SEARCHES: dict[str, dict[str, Any]] = {
-    "k-NN pose-only": {"preselect": "pose_only"},
-    "k-NN audio pre-selected": {"preselect": "audio"},
-    "k-NN pose pre-selected": {"preselect": "pose"},
+SEARCHES = {
+    "k-NN pose-only": MatchingSettings(preselect="pose_only"),
+    "k-NN audio pre-selected": MatchingSettings(preselect="audio"),
+    "k-NN pose pre-selected": MatchingSettings(preselect="pose"),
 }
-"""The paper's searches, by how they differ from one another.
+"""The paper's searches.
 
 The pose-only one searches every 8 frames like the others. The paper's text has it search at every
 frame; without anything heard, that goes to and fro between two frames for ever.
@@ -57,28 +59,39 @@ def matching_synchrony(
     Raises:
         CospeechError: The run is of another method.
     """
-    if not isinstance(method, MatchedMethod):
+    if not isinstance(method, MakesStages):
         raise CospeechError(
             f"a {type(method).__name__} searches no database",
             "give a run of model=knn or model=knn_cgan",
         )
-    facts, same = store.facts(), method.same_speaker
+    database = fit_database(store, MatchingSpec())
     systems = {
-        name: _speaking(MotionMatching(facts, same_speaker=same, **settings), seed)
+        name: _searching(MotionMatcher(database, settings), method.same_speaker, seed)
         for name, settings in SEARCHES.items()
     }
     speech = Speech(store.speech(store.splits[split][0]).waveform[:16_000])
-    *_, last = method.stages(speech, None, torch.Generator().manual_seed(seed))
-    name = last if last != K_NN else "the run's own search"
-    systems[name] = _speaking(method, seed)
+    stages = list(method.stages(speech, None, torch.Generator().manual_seed(seed)))
+    systems[stages[-1] if len(stages) > 1 else "the run's own search"] = _speaking(
+        method, store.speaker_ids, seed
+    )
     return synchrony(store, encoder, split, folder, systems, seed, about=about)
 
 
-def _speaking(method: MatchedMethod, seed: int) -> SpeechToMotion:
+def _searching(matcher: MotionMatcher, same_speaker: bool, seed: int) -> SpeechToMotion:
     def speak(speech: Speech, speaker: str) -> Motion:
         generator = torch.Generator().manual_seed(seed)
-        known = speaker if speaker in method.speakers else None
-        poses = list(method.stages(speech, None, generator, known).values())[-1]
-        return Motion(UPPER_BODY, method.window.fps, method.database.upper_body(poses))
+        database = matcher.database
+        closed = database.of_others(speaker, generator) if same_speaker else None
+        poses = matcher(speech, None, generator, closed).poses
+        return Motion(UPPER_BODY, database.spec.fps, database.upper_body(poses))
+
+    return speak
+
+
+def _speaking(method: GestureMethod, known: Container[str], seed: int) -> SpeechToMotion:
+    def speak(speech: Speech, speaker: str) -> Motion:
+        generator = torch.Generator().manual_seed(seed)
+        named = speaker if speaker in known else None
+        return method.generate(speech, named, generator=generator)
 
     return speak

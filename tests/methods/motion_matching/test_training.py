@@ -163,7 +163,7 @@ def test_the_criterion_is_fgd_times_the_seams_distance_from_one(store):
     method = build(store)
     for at_border, expected in ((0.03, 3.0), (0.01, 1.0), (0.005, 2.0)):
         method._border_steps = [[np.full(3, at_border)], [np.full(3, 0.01)]]
-        found = method.also_judged({"fgd": torch.tensor(5.0)})
+        found = method.derived_values({"fgd": torch.tensor(5.0)})
         assert float(found["selection"]) == pytest.approx(5 * expected)
 
 

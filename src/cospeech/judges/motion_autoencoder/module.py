@@ -20,6 +20,9 @@ from cospeech.metrics.encoder import (
 )
 from cospeech.motion.codecs import DirectionVectorCodec
 
+LEARNING_RATE = 5e-4
+"""As published (spec 2.4)."""
+
 
 class MotionAutoencoder(LightningModule):
     """Auto-encoder of real motion, trained to be a feature extractor (Yoon et al. 2020, 5.1).
@@ -39,7 +42,7 @@ class MotionAutoencoder(LightningModule):
     needs: ClassVar[frozenset[str]] = frozenset({"positions"})
     monitor: ClassVar[str] = "val/reconstruction"
 
-    def __init__(self, corpus: CorpusFacts, learning_rate: float = 5e-4) -> None:
+    def __init__(self, corpus: CorpusFacts, learning_rate: float = LEARNING_RATE) -> None:
         super().__init__()
         self.save_hyperparameters()
         self.learning_rate = learning_rate
@@ -69,6 +72,11 @@ class MotionAutoencoder(LightningModule):
         return torch.optim.Adam(
             self.network.parameters(), lr=self.learning_rate, betas=(0.5, 0.999)
         )
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether it is trained as published, like the encoders that runs train by themselves."""
+        return self.learning_rate == LEARNING_RATE
 
     def encoder(self, source: str = "motion_autoencoder") -> GestureEncoder:
         """The trained encoder, frozen, on the CPU; further training doesn't change it.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,6 +23,7 @@ from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import fit_database
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
 from cospeech.methods.base import GestureMethod, refuse_unknown
+from cospeech.methods.streams import Stream, WholeUtterance
 from cospeech.metrics.gesture_statistics.movement import border_steps
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
@@ -91,6 +93,11 @@ class MatchedMethod(GestureMethod):
             self._matcher = MotionMatcher(database, self.matching)
         return self._matcher
 
+    @classmethod
+    def needs_store(cls, arguments: Mapping[str, Any]) -> bool:
+        """Its database lies beside the corpus, unless another one is named."""
+        return not arguments.get("database")
+
     @property
     def database(self) -> MatchingDatabase:
         """The database that is searched."""
@@ -116,8 +123,8 @@ class MatchedMethod(GestureMethod):
             )
         return fit_database(store, self.spec)
 
-    def on_fit_start(self) -> None:
-        """Fit or open the database before the first step, and keep its hash."""
+    def fit_to_corpus(self) -> None:
+        """Fit or open the database, and keep its hash."""
         hashed = bytearray.fromhex(self.database.hash)
         self.database_hash.copy_(torch.frombuffer(hashed, dtype=torch.uint8))
 
@@ -147,13 +154,7 @@ class MatchedMethod(GestureMethod):
         self, speaker: str | None, generator: torch.Generator
     ) -> NDArray[np.int64] | None:
         """The sequences that aren't used for a speaker; None where all are used."""
-        if not self.same_speaker:
-            return None
-        database = self.database
-        if speaker is None or speaker not in database.speaker_names:
-            drawn = int(torch.randint(len(database.speaker_names), (), generator=generator))
-            speaker = database.speaker_names[drawn]
-        return np.flatnonzero(~database.spoken_by(speaker))
+        return self.database.of_others(speaker, generator) if self.same_speaker else None
 
     @torch.no_grad()
     def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
@@ -177,34 +178,48 @@ class MatchedMethod(GestureMethod):
     def _upper_body(self, poses: Tensor) -> Tensor:
         return torch.from_numpy(self.database.upper_body(poses.cpu().numpy())).to(self.device)
 
-    def generate(
+    def open(
         self,
-        speech: Speech,
         speaker: str | None = None,
+        controls: Any = None,
         seed_motion: Motion | None = None,
-        controls: dict[str, Any] | None = None,
         generator: torch.Generator | None = None,
-    ) -> Motion:
-        """Upper-body motion for speech of any length.
+    ) -> Stream:
+        """Begin upper-body motion at 15 fps on `UPPER_BODY`.
+
+        Words are read where controls ask for keywords.
 
         Args:
-            speech: Words are read where controls ask for keywords.
             speaker: A training speaker's name; None draws one where motion of one speaker is used.
+            controls: See `parse_controls`.
             seed_motion: Must be None: the search begins near a pose of the database.
-            controls: A schedule as `cospeech.matching.control.Controls.from_dict` reads it.
-            generator: Draws the first pose; None seeds one with 0.
-
-        Returns:
-            ``ceil(duration * 15)`` frames at 15 fps on `UPPER_BODY`.
+            generator: Draws the speaker and the first pose; None seeds one with 0.
 
         Raises:
-            CospeechError: An unknown speaker, a seed motion, controls that can't be read, or a
-                waveform with NaN.
+            CospeechError: An unknown speaker, a seed motion, or controls that can't be read.
         """
         refuse_unknown(speaker, self.speakers, seed_motion)
-        schedule = None if controls is None else Controls.from_dict(controls)
-        generator = generator or torch.Generator().manual_seed(0)
-        poses = list(self.stages(speech, schedule, generator, speaker).values())[-1]
+        schedule = None if controls is None else self.parse_controls(controls)
+        return self._opened(speaker, schedule, generator or torch.Generator().manual_seed(0))
+
+    def parse_controls(self, values: Any) -> Controls:
+        """A schedule, as `cospeech.matching.control.Controls.from_dict` reads it.
+
+        Raises:
+            ConfigError: Something isn't understood; the message names the entry.
+        """
+        return Controls.from_dict(values)
+
+    def _opened(
+        self, speaker: str | None, controls: Controls | None, generator: torch.Generator
+    ) -> Stream:
+        return WholeUtterance(
+            lambda speech: self._motion(
+                list(self.stages(speech, controls, generator, speaker).values())[-1]
+            )
+        )
+
+    def _motion(self, poses: NDArray[np.float32]) -> Motion:
         return Motion(UPPER_BODY, self.window.fps, self.database.upper_body(poses))
 
     # Judging -------------------------------------------------------------------------------

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from typing import cast
+from collections.abc import Callable, Sequence
 
+import numpy as np
 import torch
-from lightning.pytorch.core.optimizer import LightningOptimizer
 from numpy.typing import NDArray
-from torch import nn
 
-from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.matching.control import Controls
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
+from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
+from cospeech.methods.capabilities import FittedWithoutSteps
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
-from cospeech.speech.speech import Speech
+from cospeech.methods.streams import Stream
+from cospeech.motion.motion import Motion
+from cospeech.speech.speech import Speech, Word
 
 
-class MotionMatching(MatchedMethod):
+class MotionMatching(MatchedMethod, FittedWithoutSteps):
     """k-NN search over recorded motion, by pose and by sound (Habibie et al. 2022, section 3.1).
 
-    Training is fitting the database; epochs do nothing but be judged.
+    Training is fitting the database.
 
     Args:
         corpus: Where the store is, and its speakers.
@@ -75,19 +77,6 @@ class MotionMatching(MatchedMethod):
             database,
         )
         self.save_hyperparameters(logger=False)
-        # Lightning saves no checkpoint before an optimizer has stepped, so steps are counted by
-        # one.
-        self.steps_counted = nn.Parameter(torch.zeros(()))
-
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Counts steps."""
-        return torch.optim.SGD([self.steps_counted], lr=1.0)
-
-    def training_step(self, batch: GestureBatch, batch_idx: int) -> None:
-        """Count the step."""
-        optimizer = cast(LightningOptimizer, self.optimizers())
-        self.steps_counted.grad = torch.full_like(self.steps_counted, -1.0)
-        optimizer.step()
 
     def stages(
         self,
@@ -99,3 +88,28 @@ class MotionMatching(MatchedMethod):
         """The search's output, under its name."""
         closed = self.closed_sequences(speaker, generator)
         return {K_NN: self.matcher(speech, controls, generator, closed).poses}
+
+    def _opened(
+        self, speaker: str | None, controls: Controls | None, generator: torch.Generator
+    ) -> Stream:
+        """A search step by step; with controls, which are planned over all of a speech, at once."""
+        if controls is not None:
+            return super()._opened(speaker, controls, generator)
+        closed = self.closed_sequences(speaker, generator)
+        return _SteppedStream(MatchedPieces(self.matcher, closed, generator), self._motion)
+
+
+class _SteppedStream(Stream):
+    """The search of an uncontrolled speech, as far as its sound is known."""
+
+    def __init__(
+        self, pieces: MatchedPieces, to_motion: Callable[[NDArray[np.float32]], Motion]
+    ) -> None:
+        super().__init__(pieces.look_ahead_s, pieces.look_ahead_s)
+        self._pieces, self._to_motion = pieces, to_motion
+
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion:
+        return self._to_motion(self._pieces.hear(samples))
+
+    def _end(self) -> Motion:
+        return self._to_motion(self._pieces.finish())

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -13,7 +11,7 @@ from torch import Tensor, distributed
 from cospeech.corpus.batch import GestureBatch
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.methods.base import GestureMethod, refuse_unknown
+from cospeech.methods.base import GestureMethod, evaluating, refuse_unknown
 from cospeech.methods.multi_adversary.adversaries import classified
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.synthesis import (
@@ -26,6 +24,7 @@ from cospeech.methods.multi_adversary.synthesis import (
     speech_features,
 )
 from cospeech.methods.multi_adversary.tally import Tally
+from cospeech.methods.streams import WholeUtterance
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
@@ -130,7 +129,7 @@ class GeneratesGestures(GestureMethod):
     def sample_joints(self, batch: GestureBatch) -> Tensor:
         """The gesturing joints of each window, ``(B, T, J, 3)`` metres, without dropout."""
         scales = self.players.scales
-        with self._evaluating():
+        with evaluating(self.players.generator):
             poses = self.players.generator(scales.speech(batch.require("acoustics")))
         return scales.joints(poses)
 
@@ -138,34 +137,33 @@ class GeneratesGestures(GestureMethod):
         upper_body = evaluation_joints(joints, self.layout, self.head)
         return at_evaluation_rate(upper_body, self.window.fps)
 
-    def generate(
+    def open(
         self,
-        speech: Speech,
         speaker: str | None = None,
+        controls: Any = None,
         seed_motion: Motion | None = None,
-        controls: dict[str, Any] | None = None,
         generator: torch.Generator | None = None,
-    ) -> Motion:
-        """Upper-body motion for speech of any length (spec D 19; see `LongForm`).
+    ) -> WholeUtterance:
+        """Begin upper-body motion at 20 fps on `UPPER_BODY` (spec D 19; see `LongForm`).
+
+        Windows are made together, so the whole speech is waited for. Words aren't read.
 
         Args:
-            speech: Waveform; words aren't read.
             speaker: A training speaker's name; the motion doesn't depend on it.
-            seed_motion: Must be None: motion comes from speech alone.
             controls: Must be empty: there are none.
+            seed_motion: Must be None: motion comes from speech alone.
             generator: Not used: there is nothing to draw.
 
-        Returns:
-            ``ceil(duration * 20)`` frames at 20 fps on `UPPER_BODY`.
-
         Raises:
-            CospeechError: An unknown speaker, a seed motion, a control, or a waveform with NaN.
+            CospeechError: An unknown speaker, a seed motion, or a control.
         """
         refuse_unknown(speaker, self.speakers, seed_motion)
         if controls:
-            raise CospeechError(f"this method has no control {', '.join(sorted(controls))}")
-        joints = self._joints_of(speech)
-        upper_body = evaluation_joints(joints, self.layout, self.head)
+            raise CospeechError(f"this method has no control {', '.join(map(str, controls))}")
+        return WholeUtterance(self._motion_of)
+
+    def _motion_of(self, speech: Speech) -> Motion:
+        upper_body = evaluation_joints(self._joints_of(speech), self.layout, self.head)
         return Motion(UPPER_BODY, self.window.fps, upper_body.cpu().numpy())
 
     def generate_joints(self, speech: Speech) -> Motion:
@@ -187,17 +185,8 @@ class GeneratesGestures(GestureMethod):
         scales, frames = self.players.scales, self.window.frames
         if not len(features):
             return scales.pose_mean[None][:0]
-        with self._evaluating():
+        with evaluating(self.players.generator):
             poses = long_poses(
                 self.players.generator, scales.speech(features), frames, self.long_form
             )
         return scales.joints(poses)
-
-    @contextmanager
-    def _evaluating(self) -> Iterator[None]:
-        training = self.players.generator.training
-        self.players.generator.eval()
-        try:
-            yield
-        finally:
-            self.players.generator.train(training)

@@ -18,7 +18,7 @@ from cospeech.motion.joint_map import EVALUATION_JOINTS
 from cospeech.motion.skeleton import Skeleton
 from cospeech.speech.feature_sets.opensmile import COEFFICIENTS, opensmile_features
 from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
-from cospeech.speech.speech import SAMPLE_RATE, Speech
+from cospeech.speech.speech import Speech, covering_frames
 
 LongForm = Literal["crossfade", "carry", "reset"]
 """How speech longer than a window is made. ``"crossfade"``: windows that overlap by two seconds,
@@ -48,7 +48,7 @@ def speech_features(speech: Speech, fps: float) -> NDArray[np.float32]:
         raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
     if not len(speech.waveform):
         return np.zeros((0, COEFFICIENTS + 1), dtype=np.float32)
-    count = math.ceil(len(speech.waveform) / SAMPLE_RATE * fps - 1e-9)
+    count = covering_frames(len(speech.waveform), fps)
     features = opensmile_features(speech.waveform)
     if not len(features):
         # Shorter than a frame of 20 ms: what is there, then silence.

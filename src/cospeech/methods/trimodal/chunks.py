@@ -1,11 +1,10 @@
-"""Long speech in chunks: cutting, word placement and stitching (spec 5)."""
+"""Long speech in chunks: cutting, word placement and blending (spec 5)."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from cospeech.corpus.windows import WindowSpec
@@ -15,59 +14,45 @@ from cospeech.speech.speech import SAMPLE_RATE
 from cospeech.speech.vocabulary import evenly_placed_words, frame_aligned_words
 
 
-def covering_frames(samples: int, fps: float) -> int:
-    """Fewest frames that cover ``samples`` of 16 kHz audio: ``ceil(seconds * fps)``."""
-    return math.ceil(round(samples * fps, 6) / SAMPLE_RATE)
+def hop_samples(window: WindowSpec) -> int:
+    """Samples from the start of one chunk to the next, ``frames - seed_frames`` frames."""
+    return round((window.frames - window.seed_frames) / window.fps * SAMPLE_RATE)
 
 
-def chunk_count(samples: int, window: WindowSpec) -> int:
-    """Chunks for a waveform: 1 below one window, else ``ceil((length - window) / hop) + 1``."""
-    length = window.frames / window.fps * SAMPLE_RATE
-    return 1 if samples < length else math.ceil((samples - length) / _hop_samples(window)) + 1
-
-
-def cut_audio(waveform: Tensor, count: int, window: WindowSpec) -> Tensor:
-    """Overlapping chunks of a waveform, the tail padded with zeros as published.
+def chunk_audio(sound: NDArray[np.float32], window: WindowSpec) -> Tensor:
+    """The waveform of one chunk, the tail padded with zeros as published.
 
     Args:
-        waveform: ``(N,)`` at 16 kHz.
-        count: Number of chunks.
-        window: Window geometry; chunks start ``frames - seed_frames`` frames apart.
+        sound: ``(N,)`` at 16 kHz from the chunk's start on.
+        window: Window geometry.
 
     Returns:
-        ``(count, int(frames / fps * 16000))``.
+        ``(int(frames / fps * 16000),)``.
     """
-    hop = round(_hop_samples(window))
     length = int(window.frames / window.fps * SAMPLE_RATE)
-    padded = waveform.new_zeros(max(len(waveform), (count - 1) * hop + length))
-    padded[: len(waveform)] = waveform
-    return padded.unfold(0, length, hop)[:count]
+    padded = np.zeros(length, dtype=np.float32)
+    padded[: len(sound)] = sound[:length]
+    return torch.from_numpy(padded)
 
 
-def _hop_samples(window: WindowSpec) -> float:
-    return (window.frames - window.seed_frames) / window.fps * SAMPLE_RATE
-
-
-def cut_words(words: EncodedWords, count: int, window: WindowSpec, *, timed: bool) -> Tensor:
-    """Word ids of each chunk (spec 3.7), ``(count, frames)`` int64, 0 where there is no word.
+def chunk_words(words: EncodedWords, chunk: int, window: WindowSpec, *, timed: bool) -> Tensor:
+    """Word ids of one chunk (spec 3.7), ``(frames,)`` int64, 0 where there is no word.
 
     Args:
         words: Ids with their times.
-        count: Number of chunks.
+        chunk: Number of the chunk, from 0.
         window: Window geometry.
         timed: Words on their onset frames; False spreads a chunk's words evenly.
     """
-    rows = np.zeros((count, window.frames), dtype=np.int64)
-    for chunk, row in enumerate(rows):
-        begin = chunk * (window.frames - window.seed_frames) / window.fps
-        inside = (words.starts < begin + window.frames / window.fps) & (words.ends > begin)
-        ids = words.ids[inside]
-        row[:] = (
-            frame_aligned_words(words.starts[inside], ids, begin, window.frames, window.fps)
-            if timed
-            else evenly_placed_words(ids, window.frames)
-        )
-    return torch.from_numpy(rows)
+    begin = chunk * (window.frames - window.seed_frames) / window.fps
+    inside = (words.starts < begin + window.frames / window.fps) & (words.ends > begin)
+    ids = words.ids[inside]
+    row = (
+        frame_aligned_words(words.starts[inside], ids, begin, window.frames, window.fps)
+        if timed
+        else evenly_placed_words(ids, window.frames)
+    )
+    return torch.from_numpy(row)
 
 
 def spread_words(words: Tensor) -> Tensor:
@@ -89,27 +74,19 @@ def spread_words(words: Tensor) -> Tensor:
     return spread
 
 
-def stitch(chunks: Tensor, seed_frames: int) -> Tensor:
-    """One sequence from overlapping chunks (spec 5.2).
+def blend(previous: Tensor, following: Tensor) -> Tensor:
+    """The overlap of two chunks (spec 5.2): the first fades linearly into the second.
 
-    The last ``s`` frames of a chunk and the first ``s`` of the next blend linearly: frame j is
-    ``previous (s - j) / (s + 1) + next (j + 1) / (s + 1)``.
+    Frame j of s is ``previous (s - j) / (s + 1) + following (j + 1) / (s + 1)``.
 
     Args:
-        chunks: ``(C, T, 27)``.
-        seed_frames: Overlap ``s``.
-
-    Returns:
-        ``(T + (C - 1)(T - s), 27)``.
+        previous: ``(s, 27)``, the end of a chunk.
+        following: ``(s, 27)``, the beginning of the next.
     """
-    rise = torch.arange(1, seed_frames + 1, dtype=chunks.dtype, device=chunks.device)
-    rise = (rise / (seed_frames + 1)).unsqueeze(-1)
-    parts = [chunks[0]]
-    for chunk in chunks[1:]:
-        previous = parts.pop()
-        overlap = previous[-seed_frames:] * (1 - rise) + chunk[:seed_frames] * rise
-        parts += [previous[:-seed_frames], torch.cat([overlap, chunk[seed_frames:]])]
-    return torch.cat(parts)
+    count = len(previous)
+    rise = torch.arange(1, count + 1, dtype=previous.dtype, device=previous.device)
+    rise = (rise / (count + 1)).unsqueeze(-1)
+    return previous * (1 - rise) + following * rise
 
 
 def seed_input(seeds: Tensor, frames: int) -> Tensor:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any, ClassVar, Literal, cast, get_args
 
 import torch
@@ -17,10 +15,12 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError, require_choice, require_range
-from cospeech.methods.base import GestureMethod
+from cospeech.methods.base import GestureMethod, evaluating
+from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
 from cospeech.methods.trimodal.losses import diversity_loss, reconstruction_loss, style_divergence
 from cospeech.methods.trimodal.networks import Context, ConvDiscriminator, Generator, Style
+from cospeech.methods.trimodal.style import known_controls
 from cospeech.methods.trimodal.synthesis import (
     Synthesiser,
     SynthesisOptions,
@@ -30,7 +30,6 @@ from cospeech.methods.trimodal.synthesis import (
 from cospeech.methods.trimodal.words import WordVectorFile, check_dimensions
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
-from cospeech.speech.speech import Speech
 from cospeech.speech.vocabulary import Vocabulary
 from cospeech.speech.word_vectors import load_word_vectors
 from cospeech.training.losses import WeighedLosses
@@ -291,56 +290,58 @@ class Trimodal(GestureMethod):
         noise = None
         if not self.options.mean_style:
             noise = draw_noise(len(batch), self.generator.style_size, generator).to(self.device)
-        with self._evaluating():
+        with evaluating(self.generator):
             z, _ = self.generator.draw_style(speakers, noise)
             poses = self.generator.decode(
                 seed_input(seeds, self.window.frames), self._encode_speech(batch), z
             )
         return self.codec.decode(poses, unit_length=self.options.unit_length)
 
-    def generate(
+    def open(
         self,
-        speech: Speech,
         speaker: str | None = None,
+        controls: Any = None,
         seed_motion: Motion | None = None,
-        controls: dict[str, Any] | None = None,
         generator: torch.Generator | None = None,
-    ) -> Motion:
-        """Motion for speech of any length, chunk by chunk (section 3.3; spec 5).
+    ) -> Stream:
+        """Begin root-relative motion at 15 fps, chunk by chunk (section 3.3; spec 5).
 
         Chunks of 34 frames start every 30; each takes the last four frames of the one before as
         seeds, and the overlap is blended. Without a transcript the words are padding. Words outside
         the vocabulary are logged; see ``subwords`` for what becomes of them.
 
         Args:
-            speech: Waveform and words.
             speaker: A training speaker's name; None draws one unless a control is given.
-            seed_motion: Upper-body motion at 15 fps, facing +z, whose last four frames are
-                continued; None starts without seeds, as published.
             controls: ``{"style": [16 numbers]}``, a point in the style space, or
                 ``{"speaker_mix": {"a": 0.3, "b": 0.7}}``, an interpolation between speakers.
+            seed_motion: Upper-body motion at 15 fps, facing +z, whose last four frames are
+                continued; None starts without seeds, as published.
             generator: Source of every random draw; None seeds one with 0.
 
-        Returns:
-            ``ceil(duration * 15)`` frames, root-relative.
+        Raises:
+            CospeechError: An unknown speaker or control, or an unusable seed motion; of `push`, a
+                word vector file that is there but can't be read.
+        """
+        voice = Synthesiser(
+            self.generator,
+            self.codec,
+            self.window,
+            self.vocabulary,
+            self._vector_file,
+            self.speakers,
+            self.options,
+        )
+        generator = generator or torch.Generator().manual_seed(0)
+        wishes = {} if controls is None else self.parse_controls(controls)
+        return voice.open(speaker, wishes, seed_motion, generator)
+
+    def parse_controls(self, values: Any) -> dict[str, Any]:
+        """A point in the style space or a mix of speakers, see `open`.
 
         Raises:
-            CospeechError: An unknown speaker or control, an unusable seed motion, a waveform with
-                NaN, or a word vector file that is there but can't be read.
+            CospeechError: Not a mapping, or an unknown control.
         """
-        if generator is None:
-            generator = torch.Generator().manual_seed(0)
-        with self._evaluating():
-            synthesise = Synthesiser(
-                self.generator,
-                self.codec,
-                self.window,
-                self.vocabulary,
-                self._vector_file,
-                self.speakers,
-                self.options,
-            )
-            return synthesise(speech, speaker, seed_motion, controls, generator)
+        return known_controls(values)
 
     @torch.no_grad()
     def style_vectors(self) -> Tensor:
@@ -353,12 +354,3 @@ class Trimodal(GestureMethod):
             raise CospeechError(f"this model knows no speakers (style={self.style})")
         ids = torch.arange(1, len(self.speakers) + 1, device=self.device)
         return self.generator.style_posterior(ids).mu
-
-    @contextmanager
-    def _evaluating(self) -> Iterator[None]:
-        training = self.generator.training
-        self.generator.eval()
-        try:
-            yield
-        finally:
-            self.generator.train(training)

@@ -43,7 +43,7 @@ class StyleRequest:
 
 def read_style_request(
     speaker: str | None,
-    controls: Mapping[str, Any] | None,
+    controls: Mapping[str, Any],
     speakers: Sequence[str],
     generator: Generator,
 ) -> StyleRequest:
@@ -57,15 +57,9 @@ def read_style_request(
         generator: The network, for its kind and size of style.
 
     Raises:
-        CospeechError: An unknown speaker or control, more than one wish, a wish the model has no
+        CospeechError: An unknown speaker, more than one wish, a wish the model has no
             input for, or a malformed value.
     """
-    controls = {} if controls is None else controls
-    unknown = sorted(set(controls) - set(CONTROLS))
-    if unknown:
-        raise CospeechError(
-            f"no control {unknown[0]!r}; the trimodal method knows {', '.join(CONTROLS)}"
-        )
     wishes = [*sorted(controls), *(["speaker"] if speaker is not None else [])]
     if len(wishes) > 1:
         raise CospeechError(f"{' and '.join(wishes)} exclude each other", "give one of them")
@@ -81,6 +75,20 @@ def read_style_request(
             raise CospeechError(f"this model knows no speakers (style={generator.style})")
         return StyleRequest(None, _speaker_mix(controls["speaker_mix"], speakers))
     return StyleRequest(None, {})
+
+
+def known_controls(values: Any) -> dict[str, Any]:
+    """Controls by their names.
+
+    Raises:
+        CospeechError: Not a mapping, or an unknown name.
+    """
+    known = f"the trimodal method knows {', '.join(CONTROLS)}"
+    if not isinstance(values, Mapping):
+        raise CospeechError(f"controls are a mapping, not {values!r:.80}; {known}")
+    if unknown := [name for name in values if name not in CONTROLS]:
+        raise CospeechError(f"no control {min(map(str, unknown))!r}; {known}")
+    return dict(values)
 
 
 def _speaker_id(name: str, speakers: Sequence[str]) -> int:

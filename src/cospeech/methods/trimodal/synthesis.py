@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
+from cospeech.methods.base import evaluating
+from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import (
-    chunk_count,
-    covering_frames,
-    cut_audio,
-    cut_words,
+    blend,
+    chunk_audio,
+    chunk_words,
+    hop_samples,
     seed_input,
-    stitch,
 )
 from cospeech.methods.trimodal.networks import POSE_SIZE, Generator
 from cospeech.methods.trimodal.style import StyleRequest, read_style_request
-from cospeech.methods.trimodal.words import WordVectorFile, encode_words
+from cospeech.methods.trimodal.words import (
+    EncodedWords,
+    WordVectorFile,
+    encode_words,
+    joined_words,
+)
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.speech.speech import Speech
+from cospeech.speech.speech import SAMPLE_RATE, Word, covering_frames
 from cospeech.speech.vocabulary import Vocabulary
 
-CHUNKS_AT_ONCE = 32
-"""Chunks whose speech is encoded together; bounds the memory that a long recording takes."""
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -76,69 +83,133 @@ class Synthesiser:
     speakers: list[str]
     options: SynthesisOptions
 
-    @torch.no_grad()
-    def __call__(
+    def open(
         self,
-        speech: Speech,
         speaker: str | None,
+        controls: Mapping[str, Any],
         seed_motion: Motion | None,
-        controls: Mapping[str, Any] | None,
         generator: torch.Generator,
-    ) -> Motion:
-        """See `cospeech.methods.trimodal.module.Trimodal.generate`."""
-        if not np.isfinite(speech.waveform).all():
-            raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
+    ) -> Chunks:
+        """See `cospeech.methods.trimodal.module.Trimodal.open`."""
         request = read_style_request(speaker, controls, self.speakers, self.network)
         device = next(self.network.parameters()).device
-        seed_frames = self.window.seed_frames
-        seeds = None
+        seeds = torch.zeros(0, POSE_SIZE, device=device)
         if seed_motion is not None:
             check_seed_motion(seed_motion, self.window)
-            positions = torch.tensor(seed_motion.positions[-seed_frames:], dtype=torch.float32)
-            seeds = self.codec.encode(positions.to(device))
-        samples = len(speech.waveform)
-        count = chunk_count(samples, self.window)
-        words = encode_words(
-            speech.words, self.vocabulary, self.vector_file, fold_case=self.options.fold_case
-        )
-        rows = cut_words(words, count, self.window, timed=self.options.word_timing == "onset")
-        extra = words.extra_vectors
-        waveform = torch.tensor(speech.waveform, dtype=torch.float32)
-        chunks = decode_chunks(
-            self.network,
-            rows.to(device),
-            cut_audio(waveform, count, self.window).to(device),
-            self._styles(request, count, generator, device),
-            seeds,
-            seed_frames,
-            None if extra is None else torch.from_numpy(extra).to(device),
-        )
-        features = stitch(chunks, seed_frames)[: covering_frames(samples, self.window.fps)]
-        positions = self.codec.decode(features, unit_length=self.options.unit_length)
-        return Motion(UPPER_BODY, self.window.fps, positions.cpu().numpy())
+            last = seed_motion.positions[-self.window.seed_frames :]
+            seeds = self.codec.encode(torch.tensor(last, dtype=torch.float32, device=device))
+        return Chunks(self, Styles(request, self, generator), seeds)
 
-    def _styles(
-        self, request: StyleRequest, count: int, generator: torch.Generator, device: torch.device
-    ) -> Tensor | None:
-        """A style per chunk, ``(count, style_size)``; None without a style input."""
-        size = self.network.style_size
-        if self.network.style == "none":
-            return None
-        if request.vector is not None:
-            return request.vector.to(device).expand(count, size)
-        if self.network.style == "speaker" and not request.weights:
+
+class Styles:
+    """A style for each chunk.
+
+    Args:
+        request: What was asked for.
+        voice: The generator and its options.
+        generator: Draws a speaker where none is asked for, and noise.
+    """
+
+    def __init__(
+        self, request: StyleRequest, voice: Synthesiser, generator: torch.Generator
+    ) -> None:
+        self._network, self._generator = voice.network, generator
+        options, style = voice.options, voice.network.style
+        if style == "speaker" and request.vector is None and not request.weights:
             # Drawing 0 is a published quirk: nothing ever trained row 0 (spec 1.3).
-            lowest = min(1, len(self.speakers)) if self.options.trained_speakers_only else 0
-            speaker = draw_speakers(1, lowest, len(self.speakers), generator)
-            request = StyleRequest(None, {int(speaker): 1.0})
-        noise = None
-        if not self.options.mean_style:
-            draws = 1 if self.options.fixed_style else count
-            noise = draw_noise(draws, size, generator).to(device)
-        if self.network.style == "random":
-            noise = torch.zeros(1, size, device=device) if noise is None else noise
-            return noise.expand(count, size)
-        return request.posterior(self.network).sample(noise).expand(count, size)
+            lowest = min(1, len(voice.speakers)) if options.trained_speakers_only else 0
+            drawn = draw_speakers(1, lowest, len(voice.speakers), generator)
+            request = StyleRequest(None, {int(drawn): 1.0})
+        self._request = request
+        self._draws = style != "none" and request.vector is None and not options.mean_style
+        self._fixed = self._noise() if options.fixed_style else None
+
+    def next(self) -> Tensor | None:
+        """The next chunk's, ``(1, style_size)``; None without a style input."""
+        network, request = self._network, self._request
+        if network.style == "none":
+            return None
+        device = next(network.parameters()).device
+        if request.vector is not None:
+            return request.vector.to(device).unsqueeze(0)
+        noise = self._noise() if self._fixed is None else self._fixed
+        noise = None if noise is None else noise.to(device)
+        if network.style == "random":
+            return torch.zeros(1, network.style_size, device=device) if noise is None else noise
+        return request.posterior(network).sample(noise)
+
+    def _noise(self) -> Tensor | None:
+        return draw_noise(1, self._network.style_size, self._generator) if self._draws else None
+
+
+class Chunks(Stream):
+    """Motion chunk by chunk, each continuing from the raw end of the one before.
+
+    A chunk is made when all of its sound is there, and its last frames wait for the next one,
+    whose beginning they blend with. Only the sound of the chunk under way is held.
+
+    Args:
+        voice: The generator and what belongs to it.
+        styles: A style for each chunk.
+        seeds: ``(seed_frames, 27)`` features that the first chunk continues from, or no frames.
+    """
+
+    def __init__(self, voice: Synthesiser, styles: Styles, seeds: Tensor) -> None:
+        window_s = voice.window.frames / voice.window.fps
+        super().__init__(look_ahead_s=window_s, delay_s=window_s)
+        self._voice, self._styles, self._previous = voice, styles, seeds
+        self._sound = np.zeros(0, dtype=np.float32)
+        self._words: list[EncodedWords] = []
+        self._made = self._samples = self._put_out = 0
+
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion | None:
+        voice, window = self._voice, self._voice.window
+        if words:
+            found = encode_words(
+                words, voice.vocabulary, voice.vector_file, fold_case=voice.options.fold_case
+            )
+            self._words.append(found)
+        self._samples += len(samples)
+        self._sound = np.concatenate([self._sound, samples])
+        parts = []
+        while len(self._sound) >= window.frames / window.fps * SAMPLE_RATE:
+            parts.append(self._next_chunk()[: -window.seed_frames])
+            self._sound = self._sound[hop_samples(window) :]
+        return self._motion(torch.cat(parts)) if parts else None
+
+    def _end(self) -> Motion:
+        if not self._words:
+            logger.warning("no transcript: every word is padding")
+        frames = covering_frames(self._samples, self._voice.window.fps)
+        return self._motion(self._next_chunk()[: frames - self._put_out])
+
+    def _next_chunk(self) -> Tensor:
+        """``(T, 27)``: the next chunk, its beginning blended with the end of the one before."""
+        voice, window, previous = self._voice, self._voice.window, self._previous
+        words = joined_words(self._words, len(voice.vocabulary))
+        row = chunk_words(words, self._made, window, timed=voice.options.word_timing == "onset")
+        extra = words.extra_vectors
+        device = previous.device
+        with evaluating(voice.network):
+            speech = voice.network.encode_speech(
+                row.unsqueeze(0).to(device),
+                chunk_audio(self._sound, window).unsqueeze(0).to(device),
+                None if extra is None else torch.from_numpy(extra).to(device),
+            )
+            seeds = seed_input(previous.unsqueeze(0), window.frames)
+            (poses,) = voice.network.decode(seeds, speech, self._styles.next())
+        self._previous = poses[-window.seed_frames :]
+        if self._made:
+            overlap = blend(previous, poses[: window.seed_frames])
+            poses = torch.cat([overlap, poses[window.seed_frames :]])
+        self._made += 1
+        return poses
+
+    def _motion(self, features: Tensor) -> Motion:
+        voice = self._voice
+        self._put_out += len(features)
+        positions = voice.codec.decode(features, unit_length=voice.options.unit_length)
+        return Motion(UPPER_BODY, voice.window.fps, positions.cpu().numpy())
 
 
 def draw_speakers(count: int, lowest: int, highest: int, generator: torch.Generator) -> Tensor:
@@ -151,43 +222,6 @@ def draw_speakers(count: int, lowest: int, highest: int, generator: torch.Genera
 def draw_noise(count: int, size: int, generator: torch.Generator) -> Tensor:
     """``(count, size)`` standard normal draws, on the generator's device."""
     return torch.randn(count, size, generator=generator, device=generator.device)
-
-
-def decode_chunks(
-    generator: Generator,
-    words: Tensor,
-    audio: Tensor,
-    styles: Tensor | None,
-    seeds: Tensor | None,
-    seed_frames: int,
-    extra_vectors: Tensor | None = None,
-) -> Tensor:
-    """Poses of consecutive chunks, each continuing from the raw end of the one before.
-
-    Args:
-        generator: The network, in eval mode.
-        words: ``(C, T)`` word ids.
-        audio: ``(C, N)`` waveforms.
-        styles: ``(C, style_size)``, one style per chunk; None for a generator without style.
-        seeds: ``(seed_frames, 27)`` features that the first chunk continues from, or None.
-        seed_frames: Frames a chunk takes from the one before.
-        extra_vectors: ``(E, word_size)`` of the ids beyond the vocabulary.
-
-    Returns:
-        ``(C, T, 27)``.
-    """
-    chunks: list[Tensor] = []
-    previous = audio.new_zeros(1, 0, POSE_SIZE) if seeds is None else seeds.unsqueeze(0)
-    for first in range(0, len(words), CHUNKS_AT_ONCE):
-        group = slice(first, first + CHUNKS_AT_ONCE)
-        # Only the decoder needs the chunk before; speech is encoded for many chunks at once.
-        speech = generator.encode_speech(words[group], audio[group], extra_vectors)
-        for offset, features in enumerate(speech.split(1)):
-            style = None if styles is None else styles[first + offset].unsqueeze(0)
-            poses = generator.decode(seed_input(previous, words.shape[1]), features, style)
-            chunks.append(poses)
-            previous = poses[:, -seed_frames:]
-    return torch.cat(chunks)
 
 
 def check_seed_motion(motion: Motion, window: WindowSpec) -> None:

@@ -82,7 +82,7 @@ class EncodedWords(NamedTuple):
 
 
 def encode_words(
-    words: Sequence[Word] | None,
+    words: Sequence[Word],
     vocabulary: Vocabulary,
     vector_file: WordVectorFile | None,
     *,
@@ -91,22 +91,17 @@ def encode_words(
     """Look words up; what has neither an id nor a vector becomes UNK, which is logged.
 
     Args:
-        words: The transcript; None or no words at all are logged too.
+        words: The transcript, or a part of it.
         vocabulary: Word ids.
         vector_file: Where words outside the vocabulary may have vectors.
         fold_case: Normalise words as the corpus did, and drop those without a letter or digit; the
             published text input only strips punctuation, so that "Hello" is unknown where "hello"
             is known.
     """
-    if not words:
-        logger.warning("no transcript: every word is padding")
     texts = [
-        normalise_word(word.text) if fold_case else word.text.strip(PUNCTUATION)
-        for word in words or ()
+        normalise_word(word.text) if fold_case else word.text.strip(PUNCTUATION) for word in words
     ]
-    kept = [
-        (word, text) for word, text in zip(words or (), texts, strict=True) if text or not fold_case
-    ]
+    kept = [(word, text) for word, text in zip(words, texts, strict=True) if text or not fold_case]
     ids = {text: vocabulary.encode(text, fold_case=False) for _, text in kept}
     unknown = sorted(text for text, word_id in ids.items() if word_id == UNK)
     found = vector_file.find(unknown) if vector_file is not None and unknown else {}
@@ -117,6 +112,25 @@ def encode_words(
         np.array([word.end for word, _ in kept], dtype=np.float64),
         np.array([ids[text] for _, text in kept], dtype=np.int64),
         np.stack(list(found.values())) if found else None,
+    )
+
+
+def joined_words(parts: Sequence[EncodedWords], known: int) -> EncodedWords:
+    """Parts of a transcript as one.
+
+    Args:
+        parts: In order of time.
+        known: Size of the vocabulary.
+    """
+    ids, extra = [np.zeros(0, dtype=np.int64)], list[NDArray[np.float32]]()
+    for part in parts:
+        ids.append(np.where(part.ids < known, part.ids, part.ids + sum(map(len, extra))))
+        extra += [] if part.extra_vectors is None else [part.extra_vectors]
+    return EncodedWords(
+        np.concatenate([np.zeros(0), *(part.starts for part in parts)]),
+        np.concatenate([np.zeros(0), *(part.ends for part in parts)]),
+        np.concatenate(ids),
+        np.concatenate(extra) if extra else None,
     )
 
 

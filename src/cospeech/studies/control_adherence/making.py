@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -11,11 +10,11 @@ from numpy.typing import NDArray
 
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
-from cospeech.matching.control import Controls, measure
-from cospeech.matching.synthesis import MotionMatcher
+from cospeech.matching.control import measure
 from cospeech.matching.tracks import Tracks
 from cospeech.methods.base import GestureMethod
-from cospeech.speech.speech import SAMPLE_RATE, Speech
+from cospeech.methods.capabilities import MakesStages
+from cospeech.speech.speech import SAMPLE_RATE
 from cospeech.studies.control_adherence.asked import ASKED, QUANTITIES, changing
 
 FREE, CHANGING = "uncontrolled", "slow and low, then fast and high"
@@ -23,31 +22,6 @@ FREE, CHANGING = "uncontrolled", "slow and low, then fast and high"
 Values = NDArray[np.float64]
 Series = dict[str, list[Values]]
 """Quantity -> its values in each recording, ``(F,)``."""
-
-
-@runtime_checkable
-class MakesStages(Protocol):
-    """What the study asks of a method, beside `GestureMethod`.
-
-    Attributes:
-        matcher: The search and its database.
-    """
-
-    matcher: MotionMatcher
-
-    def closed_sequences(
-        self, speaker: str | None, generator: torch.Generator
-    ) -> NDArray[np.int64] | None:
-        """The sequences that aren't used for a speaker: the first draw of `stages`."""
-
-    def stages(
-        self,
-        speech: Speech,
-        controls: Controls | None,
-        generator: torch.Generator,
-        speaker: str | None = None,
-    ) -> dict[str, NDArray[np.float32]]:
-        """``(F, J, 3)`` of ``database.pose_roles`` after each stage of the method, by name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from cospeech.files import write_text
 from cospeech.matching.control import QUANTITIES
 from cospeech.matching.search import MatchingSearch
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import MakesStages
 from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
 from cospeech.studies.control_adherence.asked import (
@@ -28,7 +29,6 @@ from cospeech.studies.control_adherence.making import (
     CHANGING,
     FREE,
     Made,
-    MakesStages,
     make_motions,
 )
 from cospeech.studies.control_adherence.measuring import (

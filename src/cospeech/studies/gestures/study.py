@@ -16,6 +16,7 @@ from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+from cospeech.methods.capabilities import MakesJoints
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.gesture_statistics.findings import judge
 from cospeech.metrics.gesture_statistics.measuring import measure_systems
@@ -38,7 +39,6 @@ from cospeech.studies.gestures.held_out import (
 )
 from cospeech.studies.gestures.results import as_json, study_facts
 from cospeech.studies.gestures.systems import (
-    MakesJoints,
     TrainedSystem,
     in_paper_order,
     label_joints,

@@ -4,45 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.step_windows import StepWindows
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.judges.phase_classifier.step_sequences import centred
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import MakesJoints
 from cospeech.metrics.gesture_statistics.findings import PAPER_SYSTEMS
 from cospeech.metrics.gesture_statistics.systems import SystemMotion
 from cospeech.motion.gesture_joints import GestureJoints
-from cospeech.motion.motion import Motion
 from cospeech.progress import progress_bar
 from cospeech.speech.speech import Speech
 from cospeech.studies.gestures.held_out import FPS, FRAMES, HeldOut
 
 _BATCH = 64
-
-
-@runtime_checkable
-class MakesJoints(Protocol):
-    """What the study asks of a method, beside `GestureMethod`."""
-
-    def border_frames(self) -> int:
-        """Frames from the start of one window to the next in `generate_joints`."""
-
-    def sample_joints(self, batch: GestureBatch) -> Tensor:
-        """``(B, 100, J, 3)`` gesturing joints of windows of speech, in the order of the roles.
-
-        Relative to the pelvis and facing +z, metres (`cospeech.motion.gesture_joints`).
-        """
-
-    def generate_joints(self, speech: Speech) -> Motion:
-        """The same joints at 20 fps for speech of any length, named by their roles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +118,9 @@ def motion_of(
 def _sampled(
     method: MakesJoints, windows: StepWindows, chosen: NDArray[np.int64]
 ) -> NDArray[np.float32]:
-    device = getattr(method, "device", "cpu")
+    assert isinstance(method, GestureMethod)
     parts = [
-        method.sample_joints(windows.batch(chosen[first : first + _BATCH]).to(device)).cpu()
+        method.sample_joints(windows.batch(chosen[first : first + _BATCH]).to(method.device)).cpu()
         for first in range(0, len(chosen), _BATCH)
     ]
     return torch.cat(parts).numpy()

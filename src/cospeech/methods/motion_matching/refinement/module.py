@@ -26,6 +26,7 @@ from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
 from cospeech.matching.tracks import HEAD_ROLES
+from cospeech.methods.base import evaluating
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.methods.motion_matching.refinement.losses import (
     PenaltyPoints,
@@ -214,6 +215,10 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
             self.matching.k,
         )
 
+    def on_fit_start(self) -> None:
+        """The database comes before the first step."""
+        self.fit_to_corpus()
+
     def measure_corpus(self) -> dict[str, Any]:
         """Take the statistics of the training motion."""
         loader = self.trainer.train_dataloader
@@ -278,7 +283,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         for average, current in zip(self.averaged.buffers(), self.generator.buffers(), strict=True):
             average.copy_(current)
 
-    def also_judged(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
+    def derived_values(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """The criterion that selects checkpoints: FGD times the seam's distance from 1, as ratio.
 
         Both are of held-out windows, and neither can be bought with the other (spec D, decision
@@ -313,8 +318,6 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     @torch.no_grad()
     def _refine(self, poses: Tensor, cepstra: Tensor) -> Tensor:
         network: nn.Module = self.averaged if self.averaging else self.generator
-        training = network.training
-        network.eval()
-        refined = network(self.scales.speech(cepstra), self.scales.poses(poses))
-        network.train(training)
+        with evaluating(network):
+            refined = network(self.scales.speech(cepstra), self.scales.poses(poses))
         return self.scales.joints(refined)

@@ -1,0 +1,89 @@
+"""Motion that comes out while speech comes in."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from cospeech.errors import CospeechError
+from cospeech.motion.motion import Motion
+from cospeech.speech.speech import Speech, Word
+
+
+class Stream(ABC):
+    """Motion for one speech that is heard piece by piece.
+
+    What `push` gives and then `finish`, one after the other, is the motion of the whole speech,
+    however it was cut: ``ceil(duration * fps)`` frames. A subclass implements `_hear` and `_end`.
+
+    Attributes:
+        look_ahead_s: A frame depends on no sound that is later than it by more, s; ``math.inf``
+            where it depends on the whole speech.
+        delay_s: After t seconds of sound the frames before ``t - delay_s`` have been put out.
+    """
+
+    def __init__(self, look_ahead_s: float, delay_s: float) -> None:
+        self.look_ahead_s, self.delay_s = look_ahead_s, delay_s
+
+    @torch.no_grad()
+    def push(
+        self, samples: NDArray[np.float32], words: Sequence[Word] | None = None
+    ) -> Motion | None:
+        """Hear further sound.
+
+        Args:
+            samples: ``(N,)``, 16 kHz, what follows on the sound so far.
+            words: What is said, with times in the whole speech; a word comes at the latest with
+                the sound that it begins in. None: no transcript.
+
+        Returns:
+            The next frames; None where none can be made yet.
+
+        Raises:
+            CospeechError: The sound holds NaN, or the method refuses it.
+        """
+        if not np.isfinite(samples).all():
+            raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
+        motion = self._hear(samples, words)
+        return motion if motion is not None and len(motion) else None
+
+    @torch.no_grad()
+    def finish(self) -> Motion:
+        """The frames that are left up to the end of the sound; the stream is used up."""
+        return self._end()
+
+    @abstractmethod
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion | None:
+        """What `push` gives; no frames count as None."""
+
+    @abstractmethod
+    def _end(self) -> Motion:
+        """What `finish` gives."""
+
+
+class WholeUtterance(Stream):
+    """The stream of a method that needs all of a speech: everything comes at `finish`.
+
+    Args:
+        make: Makes the motion.
+    """
+
+    def __init__(self, make: Callable[[Speech], Motion]) -> None:
+        super().__init__(look_ahead_s=math.inf, delay_s=math.inf)
+        self._make = make
+        self._pieces = [np.zeros(0, dtype=np.float32)]
+        self._words: list[Word] | None = None
+
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> None:
+        self._pieces.append(samples)
+        if words is not None:
+            self._words = [*(self._words or ()), *words]
+
+    def _end(self) -> Motion:
+        words = None if self._words is None else tuple(self._words)
+        return self._make(Speech(np.concatenate(self._pieces), words))
