@@ -26,10 +26,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cospeech.corpus.features.cepstra import CEPSTRA
 from cospeech.errors import InputFileError
 from cospeech.foreign import open_array, open_file, read_json, understood
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
-from cospeech.speech.feature_sets.sphinx import sphinx_features
+from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_frames
+from cospeech.speech.speech import Speech
 
 VERSION = 2
 _PER_SEQUENCE = (
@@ -158,8 +160,9 @@ class MatchingDatabase:
             ``(F, Da)`` at ``spec.fps``.
         """
         spec = self.spec
-        channels = sphinx_features(waveform, spec.fps, frames)
-        count, reach = len(channels), spec.reach(spec.audio_taps)
+        count = sphinx_frames(len(waveform), spec.fps) if frames is None else frames
+        heard = CEPSTRA.of_speech(Speech(waveform), spec.fps, count)
+        channels, reach = heard[:, :STATIC_CHANNELS], spec.reach(spec.audio_taps)
         if spec.true_future and count:
             channels = np.pad(channels, ((0, reach), (0, 0)), mode="edge")
         features = stack_taps(channels, spec.audio_taps, spec.tap_spacing)[:count]

@@ -13,7 +13,7 @@ from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.matching.control import Controls, measure
 from cospeech.matching.synthesis import MotionMatcher
-from cospeech.matching.tracks import Tracks
+from cospeech.matching.tracks import MatchingTracks
 from cospeech.methods.base import GestureMethod
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 from cospeech.studies.control_adherence.asked import ASKED, QUANTITIES, changing
@@ -90,7 +90,7 @@ def make_motions(store: Store, method: GestureMethod, split: str, seed: int) -> 
     method.eval()
     database = method.matcher.database
     fps = database.spec.fps
-    tracks = Tracks(store, split, fps)
+    tracks = MatchingTracks(store, split, fps)
     names: list[str] = []
     closed: list[NDArray[np.int64] | None] = []
     real: Series = {quantity: [] for quantity in QUANTITIES}
