@@ -330,7 +330,7 @@ def test_only_what_is_needed_is_served(store, database, search, reader, pairs):
     assert batch.cepstra is None
     assert batch.positions is None
     with pytest.raises(ConfigError, match="no batch field smell; there are positions"):
-        PairWindows(store, "train", frozenset({"smell"}), tracks, pairs, database, search.step)
+        PairWindows(store, "train", frozenset({"smell"}), reader, pairs, database, search.step)
 
 
 @pytest.mark.parametrize("seam", ["crossfade", "inertialise"])
