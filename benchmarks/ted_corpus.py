@@ -111,7 +111,7 @@ def window_rates(store_dir: Path, seconds: float) -> list[dict[str, float | str]
         dataset = WindowDataset(store, "train", WindowSpec(15, 34, 4, 10), needs)
         rng = np.random.default_rng(0)
         batch = dataset.batch(rng.integers(len(dataset), size=BATCH))
-        arrays = [value.numpy() for value in vars(batch).values() if value is not None]
+        arrays = [value.numpy() for value in batch.fields.values()]
         size = sum(array.nbytes for array in arrays)
         # Sources that don't fit in a cache, as the corpus doesn't.
         pool = [np.copy(array) for array in arrays for _ in range(-(-(64 << 20) // array.nbytes))]

@@ -17,6 +17,8 @@ from typing import Any
 from filelock import FileLock, Timeout
 from lightning import LightningDataModule
 
+from cospeech.corpus.features import Source as FieldSource
+from cospeech.corpus.features import refuse_lacking
 from cospeech.corpus.packing import PackedSource
 from cospeech.corpus.reading import packed_sources, sensible_workers
 from cospeech.corpus.source import Dropped, Source
@@ -24,8 +26,8 @@ from cospeech.corpus.split_facts import split_anew
 from cospeech.corpus.splits import SPLITS, Span, published_spans, split_recordings, time_blocks
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.corpus.store_writer import StoreWriter
-from cospeech.corpus.window_loader import ServesWindows, WindowLoader, WindowReader, open_windows
-from cospeech.corpus.windows import NO_UPPER_BODY_HINT
+from cospeech.corpus.window_loader import WindowLoader, WindowReader, open_windows
+from cospeech.corpus.windows import ServesWindows
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.progress import progress_bar
 
@@ -105,9 +107,14 @@ class StoreDataModule(LightningDataModule):
         """What the recordings depend on besides their files, as JSON values."""
 
     @property
+    def lacks(self) -> frozenset[FieldSource]:
+        """What none of its recordings has, known without reading one."""
+        return frozenset()
+
+    @property
     def upper_body(self) -> bool:
         """Whether the corpus has the ten evaluation joints."""
-        return True
+        return "upper body" not in self.lacks
 
     @cached_property
     def sources(self) -> Sequence[Source]:
@@ -117,15 +124,14 @@ class StoreDataModule(LightningDataModule):
     def refuse_impossible(self, method: str, needs: frozenset[str]) -> None:
         """Say at once, before anything is prepared, that a method can't train on this corpus.
 
+        Args:
+            method: Its name.
+            needs: Names of the fields that it reads.
+
         Raises:
-            ConfigError: The method reads 3-D upper-body positions and the corpus has none.
+            ConfigError: A field that doesn't exist, or that no recording can fill.
         """
-        if "positions" in needs and not self.upper_body:
-            raise ConfigError(
-                f"{method} needs 3-D positions of the upper body, and {self.corpus_name} has none"
-                " (2-D keypoints, or too few joints)",
-                NO_UPPER_BODY_HINT,
-            )
+        refuse_lacking(method, needs, self.corpus_name, self.lacks)
 
     # Preparation ---------------------------------------------------------------------------
 

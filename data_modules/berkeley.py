@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from cospeech.corpus.features import Source as FieldSource
 from cospeech.corpus.source import Source
 from cospeech.errors import ConfigError
 from cospeech.formats.berkeley.extension3d import CHUNK_SETS, find_3d_sources, list_3d_files
@@ -62,9 +63,9 @@ class BerkeleyData(StoreDataModule):
         return f"berkeley{self.kind}"
 
     @property
-    def upper_body(self) -> bool:
-        """Keypoints of a picture have no 3-D joints."""
-        return self.kind == "3d"
+    def lacks(self) -> frozenset[FieldSource]:
+        """Keypoints of a picture have no 3-D joints, and nobody has annotated phases."""
+        return frozenset({"phases"} if self.kind == "3d" else {"phases", "motion", "upper body"})
 
     def find_sources(self) -> Sequence[Source]:
         """Blocks of intervals or chunks.

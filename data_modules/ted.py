@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from cospeech.corpus.features import Source as FieldSource
 from cospeech.corpus.source import Source
 from cospeech.formats.ted.filters import PUBLISHED_RULES
 from cospeech.formats.ted_lmdb import find_ted_sources
@@ -32,6 +33,11 @@ class TedData(StoreDataModule):
     def corpus_name(self) -> str:
         """Name of the corpus and its store."""
         return "ted"
+
+    @property
+    def lacks(self) -> frozenset[FieldSource]:
+        """Nobody has annotated phases."""
+        return frozenset({"phases"})
 
     def find_sources(self) -> Sequence[Source]:
         """One source per video, or per block of cached samples.

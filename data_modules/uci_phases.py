@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from cospeech.corpus.features import Source as FieldSource
 from cospeech.corpus.source import Source
 from cospeech.formats.uci_phases import find_uci_sources
 from data_modules.base import StoreDataModule
@@ -32,9 +33,9 @@ class UciPhasesData(StoreDataModule):
         return "uci_phases"
 
     @property
-    def upper_body(self) -> bool:
-        """There are no shoulders or elbows."""
-        return False
+    def lacks(self) -> frozenset[FieldSource]:
+        """There are no shoulders or elbows, and no sound."""
+        return frozenset({"upper body", "sound"})
 
     def find_sources(self) -> Sequence[Source]:
         """One source per video."""

@@ -9,10 +9,10 @@ from lightning import Callback, Trainer
 
 from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.splits import Span
-from cospeech.corpus.step_windows import split_windows
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.synthetic import synthesise
 from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import WindowDataset
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.motion.phases import PHASE_INDEX
 from cospeech.speech.speech import Speech
@@ -104,7 +104,7 @@ def loader(method, store, split, runs=4):
 
 @functools.lru_cache
 def _windows(store, split, spec, needs):
-    return split_windows(store, split, spec, needs, unlabelled=True)
+    return WindowDataset(store, split, spec.of_split(split), needs)
 
 
 class SaveAt(Callback):

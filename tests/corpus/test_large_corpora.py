@@ -69,7 +69,9 @@ def test_windows_are_those_of_the_plain_loop(mixed):
             for row in rows
             if row[0] >= span.start and row[0] + 34 <= span.stop
         ]
-    found = WindowDataset(mixed, "train", SPEC, frozenset({"positions"})).windows
+    windows = WindowDataset(mixed, "train", SPEC, frozenset({"positions"}))
+    starts = np.rint(windows.starts_s * 15).astype(int)
+    found = np.stack([windows.recordings, starts, windows.samples], axis=1)
     assert found.tolist() == expected
     assert {row[0] for row in expected} == {2, 3, 4, 12, 19}  # too little of 0 and 1 is left
 

@@ -21,7 +21,7 @@ def test_windows_stay_inside_recordings(tmp_path):
     dataset = WindowDataset(store, "train", SPEC, ALL)
     # floor((150 - 34) / 10) + 1 windows in each of four recordings of 150 frames
     assert len(dataset) == 4 * 12
-    assert dataset.windows[:, 1].max() + SPEC.frames <= 150
+    assert dataset.firsts.max() + SPEC.frames <= 150
 
 
 def test_a_batch_holds_what_the_recording_holds(tmp_path):
@@ -125,7 +125,9 @@ def test_a_published_list_decides_the_windows_it_fits(tmp_path):
     windows = WindowList(15.0, 42, 10, np.array([0, 30, 50]), np.array([0, 31_990, 53_320]))
     store = store_of(tmp_path, [changed(make_recording(f"t{i}"), windows=windows) for i in "abc"])
     dataset = WindowDataset(store, "train", SPEC, ALL)
-    assert dataset.windows.tolist() == [[0, 0, 0], [0, 30, 31_990], [0, 50, 53_320]]
+    assert dataset.recordings.tolist() == [0, 0, 0]
+    assert dataset.firsts.tolist() == [0, 30, 50]
+    assert dataset.samples.tolist() == [0, 31_990, 53_320]
     # audio comes from where the list says, not from 50 / 15 s = 53,333
     assert dataset.batch([2]).audio[0, 0].item() == pytest.approx(53_320 / 16_000 % 1, abs=1e-4)
     # the list was made for 42 frames every 10: it says nothing of longer windows or other strides
@@ -150,9 +152,8 @@ def test_words_of_a_batch_are_those_of_the_plain_loop(tmp_path):
     order = rng.permutation(len(dataset))
     batch = dataset.batch(order).words.numpy()
     for row, window in zip(batch, order, strict=True):
-        recording, start, _ = dataset.windows[window]
-        begin = start / 15
-        words = store.words(int(recording))
+        begin = dataset.firsts[window] / 15
+        words = store.words(int(dataset.recordings[window]))
         inside = words[(words[:, 0] < begin + 34 / 15) & (words[:, 1] > begin)]
         expected = frame_aligned_words(inside[:, 0], inside[:, 2].astype(int), begin, 34, 15)
         np.testing.assert_array_equal(row, expected)
@@ -163,7 +164,7 @@ def test_a_word_that_ends_as_the_window_begins_is_not_in_it(tmp_path):
     words = (Word("early", 0.2, 2.0), Word("over", 1.0, 2.0 + 1e-9))
     store = make_store(tmp_path, [make_recording(f"t{i}", words=words) for i in range(3)])
     dataset = WindowDataset(store, "train", WindowSpec(15, 34, 4, 30), frozenset({"words"}))
-    assert dataset.windows[1, 1] == 30  # two seconds
+    assert dataset.firsts[1] == 30  # two seconds
     row = dataset.batch([1]).words[0]
     assert [store.vocabulary[i] for i in row[row > 0]] == ["over"]
 
@@ -173,9 +174,9 @@ def test_recordings_without_sound_are_left_out_where_sound_is_needed(tmp_path):
     recordings = [make_recording(f"t{i}") for i in range(5)]
     recordings[0] = changed(recordings[0], speech=silent)
     store = store_of(tmp_path, recordings)
-    assert set(WindowDataset(store, "train", SPEC, ALL).windows[:, 0]) == {3, 4}
+    assert set(WindowDataset(store, "train", SPEC, ALL).recordings) == {3, 4}
     everything = WindowDataset(store, "train", SPEC, frozenset({"positions"}))
-    assert set(everything.windows[:, 0]) == {0, 3, 4}
+    assert set(everything.recordings) == {0, 3, 4}
 
 
 def test_a_corpus_without_sound_says_so_at_the_start(tmp_path):
@@ -194,6 +195,7 @@ def test_keypoints_of_a_picture_are_refused_where_positions_are_needed(tmp_path)
         flat = Motion(motion.skeleton, 15.0, motion.positions[..., :2].copy())
         recordings.append(changed(make_recording(f"t{i}"), motion=flat))
     store = store_of(tmp_path, recordings, upper_body=False)
-    with pytest.raises(ConfigError, match=r"2-D keypoints.*needs 3-D"):
+    with pytest.raises(ConfigError, match=r"needs 3-D.*field positions") as caught:
         WindowDataset(store, "train", SPEC, ALL)
+    assert "2-D keypoints" in caught.value.hint
     assert len(WindowDataset(store, "train", SPEC, frozenset({"words"}))) == 12

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from cospeech.corpus.store import Store
+from cospeech.corpus.window_loader import open_windows
 from cospeech.corpus.windows import WindowDataset
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.methods.multi_adversary.tally import Tally
@@ -39,7 +40,7 @@ def test_two_processes_go_through_the_stages_together(tmp_path):
     method = MultiAdversary.load_from_checkpoint(
         folder / "checkpoints" / "last.ckpt", weights_only=True
     ).eval()
-    windows = method.windows(Store(manifest.parent), "val")
+    windows = open_windows(Store(manifest.parent), "val", method)
     batch = windows.batch(range(len(windows)))
     wrists = [method.layout.roles.index(f"{side}_wrist") for side in ("left", "right")]
     tally = Tally(wrists, 20.0, None)

@@ -558,7 +558,7 @@ def test_a_store_of_the_2d_set(tmp_path):
     windows = WindowDataset(store, "train", WindowSpec(15.0, 64, 0, 5), frozenset({"audio"}))
     assert len(windows) == 8 * 8
     batch = windows.batch([1])
-    recording = store.recordings[windows.windows[1][0]]
+    recording = store.recordings[windows.recordings[1]]
     item = by_interval(read_all(tmp_path / "raw", speakers=[recording.speaker]))
     waveform = next(i for i in item.values() if i.id == recording.id).speech.waveform
     expected = waveform[5338 : 5338 + 68267]

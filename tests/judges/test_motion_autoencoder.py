@@ -43,7 +43,7 @@ class Batches(Dataset):
 
     def __getitem__(self, index):
         part = self.parts[index]
-        return GestureBatch(torch.arange(len(part)), part)
+        return GestureBatch(torch.arange(len(part)), positions=part)
 
 
 def loader(positions, *sizes):

@@ -12,7 +12,7 @@ from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.synthetic import SKELETON, synthesise
-from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.formats.phase_files import read_phases
 from cospeech.formats.phase_files.writing import phase_segments, write_elan, write_phase_table
@@ -56,7 +56,7 @@ def build(store, seed=0, **settings):
 def loaders(model, store, batch_size=24):
     made = []
     for split in ("train", "val"):
-        dataset = model.windows(store, split)
+        dataset = open_windows(store, split, model)
         runs = batch_size // dataset.spec.run
         training = split == "train"
         made.append(WindowLoader(dataset, runs, seed=0, shuffle=training, drop_last=training))
@@ -114,7 +114,7 @@ def test_the_file_is_the_best_epochs(store, trained):
 
 def test_statistics_are_those_of_the_training_windows(store, trained):
     model = trained[0]
-    dataset = model.windows(store, "train")
+    dataset = open_windows(store, "train", model)
     batch = dataset.batch(range(len(dataset)))
     values = velocities(batch.joints[:, :, :16], 20.0, speeds=False).flatten(0, 1).double()
     assert int(model.features.steps) == len(values) == 2 * len(dataset) * 99
@@ -136,7 +136,7 @@ def test_a_resumed_run_is_the_uninterrupted_one(store, tmp_path):
 
 def test_training_windows_are_cut_at_random_places_of_their_runs(store):
     model = build(store, pitch=False)
-    dataset = model.windows(store, "train")
+    dataset = open_windows(store, "train", model)
     batch = dataset.batch([0, 7, 11])
     runs = batch.joints.unflatten(0, (3, 2)).flatten(1, 2)
     labels = batch.phases.unflatten(0, (3, 2)).flatten(1, 2)
@@ -180,7 +180,7 @@ def test_pitch_needs_sound_and_shows_in_the_input(store):
     assert "acoustics" in with_pitch.needs
     assert "acoustics" not in without.needs
     assert (with_pitch.features.channels, without.features.channels) == (49, 48)
-    batch = with_pitch.windows(store, "val").batch([0])
+    batch = open_windows(store, "val", with_pitch).batch([0])
     joints, pitch = with_pitch._inputs(batch)
     assert torch.equal(pitch, batch.acoustics[..., 26])
     assert joints.shape == (1, 100, 16, 3)
@@ -194,28 +194,27 @@ def test_choices_that_there_are_not_are_refused(store):
 
 def test_pieces_validate_and_training_windows_don_t_touch_them(store):
     model = build(store, pitch=False, protocol="pieces", pieces=5, piece_s=12, pieces_seed=5)
-    pieces = model.spans(store, "val")
-    assert len(pieces) == 5
-    assert model.spans(store, "test") == store.splits["test"]
-    training, validation = (model.windows(store, split) for split in ("train", "val"))
+    training, validation = (open_windows(store, split, model) for split in ("train", "val"))
+    pieces = validation.tracks.spans
+    assert [piece.stop - piece.start for piece in pieces] == [180] * 5
+    assert open_windows(store, "test", model).tracks.spans == store.splits["test"]
     assert validation.spec.run == 1
     length = 199 / 20  # of a run
     for piece in pieces:
-        here = training.recordings[training.starts] == piece.recording
-        starts = training.times_s[training.starts][here]
+        here = training.recordings[::2] == piece.recording
+        starts = training.starts_s[::2][here]
         before, after = starts + length < piece.start / 15, starts >= piece.stop / 15 - 1e-9
         assert (before | after).all()
     assert len(validation) == 10
-    for row in validation.starts:
+    for recording, start in zip(validation.recordings, validation.starts_s, strict=True):
         inside = [
-            piece.start / 15 <= validation.times_s[row]
-            and validation.times_s[row] + 99 / 20 < piece.stop / 15
+            piece.start / 15 <= start and start + 99 / 20 < piece.stop / 15
             for piece in pieces
-            if piece.recording == validation.recordings[row]
+            if piece.recording == recording
         ]
         assert sum(inside) == 1
     with pytest.raises(ConfigError, match="13 pieces"):
-        build(store, pitch=False, protocol="pieces").windows(store, "val")
+        open_windows(store, "val", build(store, pitch=False, protocol="pieces"))
 
 
 def test_scores_by_hand():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech.corpus.features.acoustics import ACOUSTICS
 from cospeech.errors import CospeechError
 from cospeech.methods.multi_adversary.synthesis import (
     at_evaluation_rate,
@@ -11,7 +12,6 @@ from cospeech.methods.multi_adversary.synthesis import (
     gesture_skeleton,
     head_offsets,
     long_poses,
-    speech_features,
 )
 from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.motion import resample_positions
@@ -79,7 +79,7 @@ def test_features_of_a_recording_are_those_of_its_windows(store, method):
     windows = runs.loader(method, store, "val").dataset
     batch = windows.batch([0, 1])
     audio = store.read(0, "audio")[:, 0] / np.float32(32767)
-    features = speech_features(Speech(audio.astype(np.float32), None), 20.0)
+    features = ACOUSTICS.of_speech(Speech(audio.astype(np.float32), None), 20.0)
     assert len(features) == int(np.ceil(len(audio) / 16_000 * 20))
     np.testing.assert_allclose(batch.acoustics.flatten(0, 1), features[:200], atol=1e-4)
 
@@ -126,7 +126,7 @@ def test_speech_of_a_window_is_the_sampled_window(store, method):
     batch = next(iter(runs.loader(method, store, "val")))
     windows = method.sample(batch, torch.Generator())
     audio = store.read(0, "audio")[:, 0] / np.float32(32767)
-    features = torch.from_numpy(speech_features(Speech(audio.astype(np.float32), None), 20.0))
+    features = torch.from_numpy(ACOUSTICS.of_speech(Speech(audio.astype(np.float32), None), 20.0))
     with torch.no_grad():
         poses = method.players.generator(method.players.scales.speech(features[None, :100]))
     upper_body = evaluation_joints(method.players.scales.joints(poses), method.layout, method.head)

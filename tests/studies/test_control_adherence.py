@@ -13,7 +13,7 @@ from cospeech.matching.control import measure
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import fit_database
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
-from cospeech.matching.tracks import Tracks
+from cospeech.matching.tracks import MatchingTracks
 from cospeech.methods.base import GestureMethod
 from cospeech.studies.control_adherence import control_adherence
 from cospeech.studies.control_adherence.asked import ASKED, changing
@@ -79,7 +79,7 @@ def obeyed(store, matcher, tmp_path_factory):
 def test_numbers_are_those_of_the_motion(store, matcher, obeyed):
     """Everything again, by other means."""
     database, (_, result) = matcher.database, obeyed
-    tracks = list(Tracks(store, "train", 15.0))
+    tracks = list(MatchingTracks(store, "train", 15.0))
     rows = {(row["name"], row["stage"]): row for row in result["controls"]}
     assert len(rows) == 12
     for asked in ASKED:
@@ -131,7 +131,7 @@ def test_obedience_is_seen_and_the_mean_is_drawn_back_by_the_second_stage(obeyed
 
 def test_windows_are_counted_as_the_search_counts_them(store, matcher, obeyed):
     _, result = obeyed
-    tracks = list(Tracks(store, "train", 15.0))
+    tracks = list(MatchingTracks(store, "train", 15.0))
     for row in result["controls"]:
         asked = next(asked for asked in ASKED if asked.name == row["name"])
         made = matcher(store.speech(tracks[0].span), asked.controls(), None)

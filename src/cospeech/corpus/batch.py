@@ -2,47 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-
 import torch
 from torch import Tensor
 
+from cospeech.corpus.features import FIELDS
 
-@dataclass(frozen=True)
+
 class GestureBatch:
-    """A batch of windows. A field is None when no method in the run asked for it.
+    """A batch of windows, with the fields that a method asked for (`cospeech.corpus.features`).
+
+    There are three time axes, of different lengths for the same time, and a field of the catalogue
+    names its own: T frames at the method's rate; E frames at the evaluation's 15 fps; N samples at
+    16 kHz. Fields of speech have ``past + T + ahead`` frames where the method's windows ask for
+    context.
+
+    * ``positions`` ``(B, E, 10, 3)``: upper-body joints, root-relative, metres, house axes.
+    * ``audio`` ``(B, N)``: ``N = round(T / fps * 16000)``.
+    * ``words`` ``(B, T)`` int64: word id on its onset frame, 0 elsewhere (spec 3.7).
+    * ``speakers`` ``(B,)`` int64: 1..n_speakers, 0 for anybody else.
+    * ``joints`` ``(B, T, J, 3)``: the gesturing joints, relative to the pelvis, facing +z, metres
+      (`cospeech.motion.gesture_joints`); ``poses`` are these, nose and head; ``wrists`` the left
+      and the right one relative to the spine.
+    * ``matched`` ``(B, T, J, 3)``: motion found for the same speech by a search, as ``poses``.
+    * ``phases`` ``(B, T)`` int64: gesture phases as indices into `cospeech.motion.phases.PHASES`.
+    * ``acoustics`` ``(B, T, 27)``, ``cepstra`` ``(B, T, 28)`` and every other feature of speech
+      ``(B, T, C)``, not normalised.
+
+    Args:
+        window_ids: ``(B,)`` int64, index of each window in its split's fixed list.
+        fields: Name -> values, float32 where nothing else is said.
 
     Attributes:
-        window_ids: ``(B,)`` int64, index of each window in its split's fixed list.
-        positions: ``(B, T, 10, 3)`` float32, upper-body joints at the evaluation rate,
-            root-relative, metres, house axes.
-        audio: ``(B, N)`` float32, 16 kHz; ``N = round(T / fps * 16000)``.
-        words: ``(B, T)`` int64, word id on its onset frame, 0 elsewhere (spec 3.7).
-        speakers: ``(B,)`` int64, 1..n_speakers.
-        joints: ``(B, T, J, 3)`` float32, the gesturing joints at the method's rate, relative to the
-            pelvis, facing +z, metres (`cospeech.motion.gesture_joints`).
-        acoustics: ``(B, T, 27)`` float32, 26 MFCC and F0 at the method's rate
-            (`cospeech.speech.feature_sets.opensmile`), not normalised.
-        matched: ``(B, T, J, 3)`` float32, motion found for the same speech by a search, joints as
-            ``joints``.
-        cepstra: ``(B, T, 28)`` float32, `cospeech.speech.feature_sets.sphinx` with slopes, not
-            normalised.
-        phases: ``(B, T)`` int64, gesture phases as indices into `cospeech.motion.phases.PHASES`.
+        window_ids: As given.
+        fields: Those that aren't None.
     """
 
-    window_ids: Tensor
-    positions: Tensor | None = None
-    audio: Tensor | None = None
-    words: Tensor | None = None
-    speakers: Tensor | None = None
-    joints: Tensor | None = None
-    acoustics: Tensor | None = None
-    phases: Tensor | None = None
-    matched: Tensor | None = None
-    cepstra: Tensor | None = None
+    def __init__(self, window_ids: Tensor, **fields: Tensor | None) -> None:
+        self.window_ids = window_ids
+        self.fields = {name: value for name, value in fields.items() if value is not None}
 
     def __len__(self) -> int:
         return len(self.window_ids)
+
+    def __getattr__(self, name: str) -> Tensor | None:
+        """A field by its name; None where the batch was made without it."""
+        if name not in FIELDS:
+            raise AttributeError(f"no batch field {name}; there are {', '.join(FIELDS)}")
+        return self.fields.get(name)
 
     def require(self, name: str) -> Tensor:
         """The field, or an error that says how to get it.
@@ -50,20 +56,20 @@ class GestureBatch:
         Raises:
             KeyError: The batch was made without the field.
         """
-        value = getattr(self, name)
-        if value is None:
-            raise KeyError(f"the batch has no {name!r}: add it to the method's `needs`")
-        return value
+        if name not in self.fields:
+            declared = ", ".join(sorted(self.fields)) or "none"
+            raise KeyError(
+                f"the batch has no {name!r}: the method's `needs` declare {declared}; add it there"
+            )
+        return self.fields[name]
+
+    def having(self, **fields: Tensor) -> GestureBatch:
+        """The same batch with more fields, or others in the place of those it has."""
+        return GestureBatch(self.window_ids, **{**self.fields, **fields})
 
     def to(self, device: torch.device | str, non_blocking: bool = False) -> GestureBatch:
         """The same batch on another device."""
         moved = {
-            field.name: value.to(device, non_blocking=non_blocking)
-            for field in fields(self)
-            if (value := getattr(self, field.name)) is not None
+            name: value.to(device, non_blocking=non_blocking) for name, value in self.fields.items()
         }
-        return replace(self, **moved)
-
-
-BATCH_FIELDS = frozenset(field.name for field in fields(GestureBatch)) - {"window_ids"}
-"""What a method may list in its `needs`."""
+        return GestureBatch(self.window_ids.to(device, non_blocking=non_blocking), **moved)

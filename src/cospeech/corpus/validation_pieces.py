@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +13,32 @@ from cospeech.errors import ConfigError
 
 PIECES, PIECE_S = 13, 30.0
 """Ferstl et al. 2020, section 4: 6.5 minutes in all."""
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Which pieces validate.
+
+    Attributes:
+        count: Number of pieces.
+        piece_s: Length of each, s.
+        seed: Of their places.
+    """
+
+    count: int = PIECES
+    piece_s: float = PIECE_S
+    seed: int = 0
+
+
+def spans_by_pieces(store: Store, split: str, pieces: Pieces, with_sound: bool) -> list[Span]:
+    """What trains (``split="train"``) or validates of the annotated training and validation spans.
+
+    Raises:
+        ConfigError: The corpus is too short for the pieces.
+    """
+    usable = usable_spans(store, ("train", "val"), with_sound)
+    parts = validation_pieces(usable, pieces.seed, pieces.count, pieces.piece_s)
+    return parts[0] if split == "train" else parts[1]
 
 
 def usable_spans(store: Store, splits: Sequence[str], with_sound: bool) -> list[Span]:

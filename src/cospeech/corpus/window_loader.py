@@ -3,36 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Protocol
+from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.step_windows import split_windows
-from cospeech.corpus.store import EVALUATION_FPS, Store
-from cospeech.corpus.windows import WindowDataset, WindowSpec
+from cospeech.corpus.store import Store
+from cospeech.corpus.windows import ServesWindows, WindowDataset, WindowSpec
 from cospeech.errors import ConfigError
 
 logger = logging.getLogger(__name__)
-
-
-class ServesWindows(Protocol):
-    """The fixed windows of one split."""
-
-    spec: WindowSpec
-    split: str
-
-    def __len__(self) -> int:
-        """How many items there are."""
-
-    def batch(self, indices: Sequence[int] | NDArray[np.int64]) -> GestureBatch:
-        """The items at ``indices`` as one batch."""
-
-    def describe(self, window: int) -> dict[str, Any]:
-        """Recording and start time of a window."""
 
 
 class EpochOrder:
@@ -95,7 +78,7 @@ class WindowLoader:
 
     Args:
         dataset: The windows.
-        batch_size: Windows (of `StepWindows`: runs) per batch; where there are fewer, all of them
+        batch_size: Items (windows, or runs of them) per batch; where there are fewer, all of them
             make one batch.
         seed: Seed of the order.
         shuffle: Whether each epoch is permuted (training).
@@ -155,28 +138,35 @@ class WindowLoader:
 class WindowReader(Protocol):
     """Anything that works on windows: a method, or a network that judges motion.
 
-    One with a method ``windows(store, split)`` opens its own.
+    Attributes:
+        window: Which windows; with ``interleaved`` for training, and for judging side by side.
+        needs: Names of the fields it reads.
     """
 
     window: WindowSpec
     needs: frozenset[str]
 
 
+@runtime_checkable
+class OpensWindows(Protocol):
+    """A reader of more than a corpus holds, which adds it to the windows itself."""
+
+    def windows(self, store: Store, split: str) -> ServesWindows:
+        """The windows of one split."""
+
+
 def open_windows(store: Store, split: str, reader: WindowReader) -> ServesWindows:
     """The windows of one split that a method works on.
-
-    A method of another rate than the evaluation's gets windows of the gesturing joints at its own:
-    for training in runs, of every interleave; for judging one by one, side by side.
 
     Args:
         store: The corpus.
         split: ``"train"``, ``"val"`` or ``"test"``.
         reader: The method.
+
+    Raises:
+        ConfigError: A field that doesn't exist or that the corpus can't fill.
+        CospeechError: No span of the split is as long as a window.
     """
-    own: Callable[[Store, str], ServesWindows] | None = getattr(reader, "windows", None)
-    if own is not None:
-        return own(store, split)
-    spec = reader.window
-    if spec.fps == EVALUATION_FPS:
-        return WindowDataset(store, split, spec, reader.needs)
-    return split_windows(store, split, spec, reader.needs)
+    if isinstance(reader, OpensWindows):
+        return reader.windows(store, split)
+    return WindowDataset(store, split, reader.window.of_split(split), reader.needs)

@@ -1,21 +1,32 @@
-"""The fixed windows of a store that methods train and are judged on."""
+"""The fixed windows of a store that methods train and are judged on: any fields at any rate."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from cospeech.corpus.batch import BATCH_FIELDS, GestureBatch
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.features import (
+    FIELDS,
+    FrameField,
+    Places,
+    Source,
+    SpeechField,
+    WindowField,
+    fields_of,
+    refuse_lacking,
+)
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
-from cospeech.errors import ConfigError, CospeechError
+from cospeech.corpus.tracks import Tracks
+from cospeech.corpus.validation_pieces import Pieces, spans_by_pieces
+from cospeech.errors import CospeechError
 from cospeech.speech.speech import SAMPLE_RATE
-from cospeech.speech.vocabulary import word_frames
 
 
 @dataclass(frozen=True)
@@ -28,6 +39,13 @@ class WindowSpec:
         seed_frames: Leading frames given to the method.
         stride: Frames from one window's start to the next (of runs: from one run's to the next).
         run: Consecutive windows that stay together in a batch.
+        past: Frames of speech before a window that come with it; before a sequence its first.
+        ahead: Frames of speech after a window that come with it; after a sequence its last.
+        interleaved: Train on every sequence that the motion's own rate holds, and judge on the
+            first, in windows side by side.
+        unlabelled: Where phases are needed, keep recordings without; training needs one with.
+        pieces: Validate on random pieces of the training and validation recordings, and train on
+            what is left; None: by the split.
     """
 
     fps: float
@@ -35,193 +53,214 @@ class WindowSpec:
     seed_frames: int
     stride: int
     run: int = 1
+    past: int = 0
+    ahead: int = 0
+    interleaved: bool = False
+    unlabelled: bool = False
+    pieces: Pieces | None = None
 
     @property
     def audio_samples(self) -> int:
         """Samples of 16 kHz audio that go with one window."""
         return round(self.frames / self.fps * SAMPLE_RATE)
 
+    def of_split(self, split: str) -> WindowSpec:
+        """The windows of one split: what is interleaved is so for training alone."""
+        if not self.interleaved or split == "train":
+            return self
+        return replace(self, run=1, stride=self.frames, interleaved=False)
 
-def _told(spans: Sequence[Span]) -> str:
-    lengths = [(span.stop - span.start) / EVALUATION_FPS for span in spans]
-    return f"{len(spans)}, the longest of {max(lengths):.2f} s" if lengths else "none"
+
+class ServesWindows(Protocol):
+    """The fixed windows of one split."""
+
+    spec: WindowSpec
+    split: str
+
+    def __len__(self) -> int:
+        """How many items there are."""
+
+    def batch(self, indices: Sequence[int] | NDArray[np.int64]) -> GestureBatch:
+        """The items at ``indices`` as one batch."""
+
+    def describe(self, window: int) -> dict[str, Any]:
+        """Recording and start time of a window."""
 
 
 class WindowDataset:
     """The fixed list of windows of one split; a window never leaves its span.
 
-    Where a recording has a published list of windows and the asked-for ones fit its grid, they are
-    those of the list. A recording without a transcript has the padding word everywhere.
+    An item is a run of ``spec.run`` consecutive windows of one sequence (`Tracks`); window w is in
+    run ``w // spec.run``. Where a recording has a published list of windows and the asked-for ones
+    fit its grid, they are those of the list. A recording without a transcript has the padding word
+    everywhere.
 
     Args:
         store: The corpus.
         split: ``"train"``, ``"val"`` or ``"test"``.
         spec: Window geometry.
-        needs: `GestureBatch` fields to fill.
+        needs: Names of fields to fill, of `FIELDS`.
+        tracks: The split's sequences with the fields that are tables of frames, where they are at
+            hand; None reads them.
+        places: ``(n, 2)`` sequence and first frame of every window, in the place of all that fit.
 
     Raises:
-        ConfigError: A field that doesn't exist or that the corpus can't fill, or a frame rate the
-            store doesn't hold.
-        CospeechError: No span of the split is as long as a window.
+        ConfigError: A field that doesn't exist or that the corpus can't fill.
+        CospeechError: No span of the split is as long as a run.
     """
 
-    def __init__(self, store: Store, split: str, spec: WindowSpec, needs: frozenset[str]) -> None:
-        unknown = needs - BATCH_FIELDS
-        if unknown:
-            raise ConfigError(f"no batch field {sorted(unknown)}; there are {sorted(BATCH_FIELDS)}")
-        if spec.fps != EVALUATION_FPS:
-            raise ConfigError(f"the store holds {EVALUATION_FPS} fps, not {spec.fps}")
-        if "positions" in needs and not store.has_upper_body:
-            raise ConfigError(
-                f"{store.name}: {NO_UPPER_BODY[store.dimensions]}", NO_UPPER_BODY_HINT
-            )
+    def __init__(
+        self,
+        store: Store,
+        split: str,
+        spec: WindowSpec,
+        needs: frozenset[str],
+        tracks: Tracks | None = None,
+        places: NDArray[np.int64] | None = None,
+    ) -> None:
         self.store, self.split, self.spec, self.needs = store, split, spec, needs
-        spans = store.splits[split]
-        if "audio" in needs:
-            spans = store.spans_with_sound(spans, f"{split} windows")
-        self.windows: NDArray[np.int64] = _windows(store, spans, spec)
-        """``(n, 3)``: recording, first frame, first audio sample."""
-        if not len(self.windows):
-            raise CospeechError(
-                f"{store.name}: no {split} recording holds a window of {spec.frames} frames"
-                f" ({spec.frames / spec.fps:.2f} s); there are {_told(spans)}",
-                "add longer recordings; raise data.val_share and data.test_share where that is a"
-                " small part; or, with a handful of long takes, data.split=time_blocks",
-            )
-        if "words" in needs:
-            self._word_rows = self._find_words()
-        if "speakers" in needs:
-            ids = store.speaker_ids
-            column = store.recordings.columns["speaker"]
-            self._speakers = np.array([ids.get(name, 0) for name in column], dtype=np.int64)
+        fields = fields_of(needs)
+        refuse_lacking("the method", needs, store.name, _lacks(store))
+        of_frames = [field for field in fields if isinstance(field, FrameField)]
+        if tracks is None:
+            title = f"{split} sequences"
+            spans = self._spans()
+            tracks = Tracks(store, spans, spec.fps, of_frames, spec.interleaved, title)
+        self.tracks = tracks
+        listed = None
+        if places is None:
+            places, listed = _windows(tracks, spec)
+        if not len(places):
+            raise CospeechError(*_too_short(tracks, split, spec))
+        self.sequences: NDArray[np.int64] = places[:, 0].repeat(spec.run)
+        """``(windows,)`` the sequence of each window."""
+        within_run = np.arange(spec.run) * spec.frames
+        self.firsts: NDArray[np.int64] = (places[:, 1, None] + within_run).reshape(-1)
+        """``(windows,)`` its first frame in the sequence."""
+        self.recordings: NDArray[np.int64] = tracks.recordings[self.sequences]
+        """``(windows,)`` its recording."""
+        self.starts_s: NDArray[np.float64] = tracks.times_s(self.sequences, self.firsts)
+        """``(windows,)`` the time of its first frame in the recording, s."""
+        samples = np.rint(self.starts_s * SAMPLE_RATE).astype(np.int64)
+        self.samples: NDArray[np.int64] = samples
+        """``(windows,)`` its first sample of sound."""
+        if listed is not None:
+            self.samples = np.where(listed >= 0, listed, samples)
+        stops = tracks.stops[self.sequences]
+        where = Places(self.recordings, self.starts_s, self.samples, stops, spec.frames, spec.fps)
+        self._of_windows = {
+            field.name: field.open(store, where)
+            for field in fields
+            if isinstance(field, WindowField)
+        }
+        self._of_frames = {
+            field.name: np.arange(-spec.past, spec.frames + spec.ahead)
+            if isinstance(field, SpeechField)
+            else np.arange(spec.frames)
+            for field in of_frames
+        }
 
     def __len__(self) -> int:
-        return len(self.windows)
+        return len(self.firsts) // self.spec.run
 
     def describe(self, window: int) -> dict[str, Any]:
         """Recording and start time of a window, for reports."""
-        recording, start, _ = self.windows[window]
         return {
             "window": int(window),
-            "recording": self.store.recordings[int(recording)].id,
-            "start_s": float(start / self.spec.fps),
+            "recording": self.store.recordings[int(self.recordings[window])].id,
+            "start_s": float(self.starts_s[window]),
         }
 
     def batch(self, indices: Sequence[int] | NDArray[np.int64]) -> GestureBatch:
-        """The windows at ``indices`` as one batch."""
-        indices = np.asarray(indices)
-        recordings, starts, samples = self.windows[indices].T
-        fields = {"window_ids": torch.as_tensor(indices, dtype=torch.int64)}
-        if "positions" in self.needs:
-            rows = self.store.first_rows["upper_body"][recordings] + starts
-            frames = rows[:, None] + np.arange(self.spec.frames)
-            positions = self.store.stream("upper_body")[frames].reshape(*frames.shape, 10, 3)
-            fields["positions"] = torch.from_numpy(positions)
-        if "audio" in self.needs:
-            audio = np.empty((len(indices), self.spec.audio_samples), dtype=np.float32)
-            first_rows = self.store.first_rows["audio"][recordings] + samples
-            self.store.will_read("audio", first_rows, self.spec.audio_samples)
-            for row, recording, first in zip(audio, recordings, samples, strict=True):
-                self.store.copy_audio(int(recording), int(first), row)
-            fields["audio"] = torch.from_numpy(audio)
-        if "words" in self.needs:
-            fields["words"] = torch.from_numpy(self._words(indices, starts))
-        if "speakers" in self.needs:
-            fields["speakers"] = torch.from_numpy(self._speakers[recordings])
-        return GestureBatch(**fields)
+        """The items at ``indices`` as one batch, the windows of a run one after another."""
+        run = self.spec.run
+        windows = np.asarray(indices, dtype=np.int64)
+        if run > 1:
+            windows = (windows[:, None] * run + np.arange(run)).reshape(-1)
+        values = {name: gather(windows) for name, gather in self._of_windows.items()}
+        for name, within in self._of_frames.items():
+            frames = self.firsts[windows][:, None] + within
+            found = self.tracks.gather(name, self.sequences[windows], frames)
+            values[name] = np.ascontiguousarray(found, dtype=FIELDS[name].dtype)
+        fields = {name: torch.from_numpy(value) for name, value in values.items()}
+        return GestureBatch(torch.from_numpy(windows), **fields)
 
-    def _find_words(self) -> NDArray[np.int64]:
-        """``(n, 2)``: first row of the word stream that may be in each window, and row after."""
-        words = np.asarray(self.store.stream("words"))
-        owners = np.repeat(np.arange(len(self.store.recordings)), self.store.row_counts["words"])
-        recordings = self.windows[:, 0]
-        starts = self.windows[:, 1] / self.spec.fps
-        stops = starts + self.spec.frames / self.spec.fps
-        # Words are in order of onset, not of end: no word before the first whose end, or an
-        # earlier one's, is past the window's start can be inside.
-        latest_ends = _running_maximum(owners, words[:, 1])
-        first = _rows_before(owners, latest_ends, recordings, starts, equal_too=True)
-        stop = _rows_before(owners, words[:, 0], recordings, stops, equal_too=False)
-        return np.stack([first, stop], axis=1)
+    def every_frame(self, name: str) -> NDArray[Any]:
+        """``(N, ...)`` a field at all frames of the split, in windows or not."""
+        return np.concatenate([self.tracks.values(name, i) for i in range(len(self.tracks))])
 
-    def _words(self, indices: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """As `frame_aligned_words` for each window, all at once."""
-        first, stop = self._word_rows[indices].T
-        counts = np.maximum(stop - first, 0)
-        window = np.repeat(np.arange(len(indices)), counts)
-        rows = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
-        onsets, ends, ids = self.store.stream("words")[rows].T
-        begins = (starts / self.spec.fps)[window]
-        inside = ends > begins
-        frames, fps = self.spec.frames, self.spec.fps
-        on_frame = word_frames(onsets, begins, frames, fps)
-        inside &= on_frame < frames
-        aligned = np.zeros((len(indices), frames), dtype=np.int64)
-        # NumPy assigns in order, so of several words on a frame the last one stays.
-        aligned[window[inside], on_frame[inside]] = ids[inside]
-        return aligned
+    def _spans(self) -> list[Span]:
+        store, split, spec, needs = self.store, self.split, self.spec, self.needs
+        reads = {field.reads for field in fields_of(needs)}
+        spans = store.splits[split]
+        if spec.pieces is not None and split != "test":
+            spans = spans_by_pieces(store, split, spec.pieces, with_sound="sound" in reads)
+        if "sound" in reads:
+            spans = store.spans_with_sound(spans, f"{split} windows")
+        if "phases" in reads and (split == "train" or not spec.unlabelled):
+            has_phases = store.recordings.columns["has_phases"]
+            annotated = [span for span in spans if has_phases[span.recording]]
+            if spans and not annotated:
+                refuse_lacking("the method", ["phases"], f"{store.name} ({split})", ["phases"])
+            spans = spans if spec.unlabelled else annotated
+        return spans
 
 
-def _fits_grid(spec: WindowSpec, grid: dict[str, float] | None) -> bool:
-    """Whether a published list of windows says anything about windows like these."""
-    return grid is not None and (
-        grid["fps"] == spec.fps and grid["stride"] == spec.stride and spec.frames <= grid["frames"]
+def _lacks(store: Store) -> set[Source]:
+    lacks = set[Source]()
+    if not store.has_upper_body:
+        lacks.add("upper body")
+    if store.dimensions != 3:
+        lacks.add("motion")
+    return lacks | {"search"}
+
+
+def _too_short(tracks: Tracks, split: str, spec: WindowSpec) -> tuple[str, str]:
+    lengths = tracks.frames / spec.fps
+    told = f"{len(lengths)}, the longest of {lengths.max():.2f} s" if len(lengths) else "none"
+    seconds = spec.frames * spec.run / spec.fps
+    what = f"a window of {spec.frames} frames ({seconds:.2f} s)"
+    shorter = ""
+    if spec.run > 1:
+        what, shorter = (
+            f"{spec.run} windows in a row ({seconds:g} s)",
+            "; shorten runs (model.run=1)",
+        )
+    return (
+        f"{tracks.store.name}: no {split} recording holds {what}; there are {told}",
+        "add longer recordings; raise data.val_share and data.test_share where that is a"
+        f" small part; or, with a handful of long takes, data.split=time_blocks{shorter}",
     )
 
 
-def _windows(store: Store, spans: Sequence[Span], spec: WindowSpec) -> NDArray[np.int64]:
-    """Recording, first frame and first sample of the windows of spans, in the spans' order."""
-    table = np.array([(span.recording, span.start, span.stop) for span in spans], dtype=np.int64)
-    recordings, starts, stops = table.reshape(-1, 3).T
-    listed = np.zeros(len(recordings), dtype=np.int64)
-    if _fits_grid(spec, store.window_grid):
-        # A recording without a list, in a corpus where others have one, gives every window.
-        listed = store.row_counts["windows"][recordings]
-    fitting = np.maximum((stops - starts - spec.frames) // spec.stride + 1, 0)
-    counts = np.where(listed > 0, listed, fitting)
-    span = np.repeat(np.arange(len(counts)), counts)
-    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    frames = starts[span] + number * spec.stride
-    samples = np.rint(frames / spec.fps * SAMPLE_RATE).astype(np.int64)
-    of_list = listed[span] > 0
-    rows = store.first_rows["windows"][recordings[span]] + number
+def _windows(
+    tracks: Tracks, spec: WindowSpec
+) -> tuple[NDArray[np.int64], NDArray[np.int64] | None]:
+    """Sequence and first frame of every item; the first samples that lists give, or -1."""
+    store, grid, length = tracks.store, tracks.store.window_grid, spec.frames * spec.run
+    fitting = np.maximum((tracks.frames - length) // spec.stride + 1, 0)
+    if grid is None or not (
+        grid["fps"] == spec.fps == EVALUATION_FPS
+        and grid["stride"] == spec.stride
+        and length <= grid["frames"]
+    ):
+        return _grown(fitting, spec.stride), None
+    # A recording without a list, in a corpus where others have one, gives every window.
+    listed = store.row_counts["windows"][tracks.recordings]
+    places = _grown(np.where(listed > 0, listed, fitting), 1)
+    sequence, number = places.T
+    of_list = listed[sequence] > 0
+    rows = store.first_rows["windows"][tracks.recordings[sequence]] + number
+    frames, samples = number * spec.stride, np.full(len(number), -1)
+    starts = tracks.starts[sequence][of_list]
     frames[of_list], samples[of_list] = store.stream("windows")[rows[of_list]].T
-    inside = (frames >= starts[span]) & (frames + spec.frames <= stops[span])
-    return np.stack([recordings[span], frames, samples], axis=1)[inside]
+    frames[of_list] -= starts
+    inside = (frames >= 0) & (frames + length <= tracks.frames[sequence])
+    return np.stack([sequence, frames], axis=1)[inside], samples[inside]
 
 
-def _running_maximum(owners: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Largest value so far among those of the same owner; owners ascend."""
-    order = np.argsort(values, kind="stable")
-    ranks = np.empty_like(order)
-    ranks[order] = np.arange(len(order))
-    largest = np.maximum.accumulate(ranks + owners * len(order)) - owners * len(order)
-    return values[order[largest]]
-
-
-def _rows_before(
-    owners: NDArray[np.int64],
-    values: NDArray[np.float64],
-    of: NDArray[np.int64],
-    limits: NDArray[np.float64],
-    equal_too: bool,
-) -> NDArray[np.int64]:
-    """Rows of earlier owners, and of owner ``of`` with a value below (or equal to) each limit.
-
-    As `np.searchsorted` among each owner's values, for all owners at once.
-    """
-    is_limit = np.repeat([not equal_too, equal_too], [len(values), len(limits)])
-    order = np.lexsort((is_limit, np.append(values, limits), np.append(owners, of)))
-    is_row = order < len(values)
-    found = np.empty(len(limits), dtype=np.int64)
-    found[order[~is_row] - len(values)] = np.cumsum(is_row)[~is_row]
-    return found
-
-
-NO_UPPER_BODY = {
-    2: "these are 2-D keypoints of a picture, and the method needs 3-D upper-body positions",
-    3: "its joints don't give the ten upper-body joints that the method needs",
-}
-NO_UPPER_BODY_HINT = (
-    "choose a 3-D corpus (for Berkeley data.kind=3d), or a method that can do with what there is"
-)
+def _grown(counts: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+    """``(sum, 2)``: each index as often as its count says, with 0, ``step``, ``2 step`` ..."""
+    index = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.stack([index, number * step], axis=1)

@@ -27,10 +27,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from cospeech.corpus.features.cepstra import CEPSTRA
 from cospeech.errors import InputFileError
 from cospeech.foreign import open_array, open_file, read_json, understood
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
-from cospeech.speech.feature_sets.sphinx import sphinx_features
+from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_frames
+from cospeech.speech.speech import Speech
 
 VERSION = 2
 _PER_SEQUENCE = (
@@ -165,7 +167,9 @@ class MatchingDatabase:
         Returns:
             ``(F, Da)`` at ``spec.fps``.
         """
-        return self.queries_of(sphinx_features(waveform, self.spec.fps, frames))
+        fps = self.spec.fps
+        count = sphinx_frames(len(waveform), fps) if frames is None else frames
+        return self.queries_of(CEPSTRA.of_speech(Speech(waveform), fps, count)[:, :STATIC_CHANNELS])
 
     def queries_of(self, channels: NDArray[np.float32]) -> NDArray[np.float32]:
         """As `audio_queries`, of the ``(F, 14)`` channels of speech up to its end."""

@@ -27,7 +27,7 @@ from cospeech.matching.database import (
     open_database,
 )
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
-from cospeech.matching.tracks import Track, Tracks
+from cospeech.matching.tracks import MatchingTracks, Track
 from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS
 
 logger = logging.getLogger(__name__)
@@ -88,7 +88,7 @@ class _Build:
 
     def __init__(self, store: Store, spec: MatchingSpec, folder: Path) -> None:
         self.store, self.spec, self.folder = store, spec, folder
-        self._tracks = Tracks(store, "train", spec.fps)
+        self._tracks = MatchingTracks(store, "train", spec.fps)
 
     def write(self) -> None:
         """Write the arrays, then the manifest."""

@@ -15,10 +15,9 @@ from cospeech.matching.fitting import fit_database
 from cospeech.matching.matching import Clip, match
 from cospeech.matching.seams import blended
 from cospeech.matching.search import MatchingSearch
-from cospeech.matching.tracks import Tracks
+from cospeech.matching.tracks import MatchingTracks
 from cospeech.methods.motion_matching.refinement import pairing
 from cospeech.methods.motion_matching.refinement.pair_windows import (
-    FIELDS,
     PairWindows,
     open_pair_windows,
 )
@@ -34,6 +33,7 @@ from tests.corpora import make_recording, make_store
 from tests.matching.databases import make_database
 
 SPEC = MatchingSpec(chunk_frames=32, true_future=True)
+ALL = frozenset({"poses", "matched", "cepstra", "positions", "speakers"})
 SETTINGS = PairSettings(frames=32, stride=5, closed_frames=32)
 
 
@@ -65,8 +65,13 @@ def search(database):
 
 
 @pytest.fixture(scope="module")
-def tracks(store):
-    return list(Tracks(store, "train", 15.0))
+def reader(store):
+    return MatchingTracks(store, "train", 15.0)
+
+
+@pytest.fixture(scope="module")
+def tracks(reader):
+    return list(reader)
 
 
 @pytest.fixture(scope="module")
@@ -286,14 +291,14 @@ def test_damaged_and_foreign_pairs_are_made_again(tracks, search, tmp_path, capl
     assert [path.name for path in tmp_path.iterdir()] == [folder.name]
 
 
-def test_batches_are_what_the_store_and_the_database_hold(store, database, search, tracks, pairs):
-    windows = PairWindows(store, "train", FIELDS, tracks, pairs, database, search.step)
+def test_batches_are_what_the_store_and_the_database_hold(store, database, search, reader, pairs):
+    windows = PairWindows(store, "train", ALL, reader, pairs, database, search.step)
     assert len(windows) == len(pairs)
     indices = np.array([3, len(windows) - 1, 60])
     batch = windows.batch(indices)
     joints = len(database.pose_roles)
     assert batch.window_ids.tolist() == indices.tolist()
-    assert batch.joints.shape == batch.matched.shape == (3, 32, joints, 3)
+    assert batch.poses.shape == batch.matched.shape == (3, 32, joints, 3)
     assert batch.cepstra.shape == (3, 32, 28)
     assert batch.positions.shape == (3, 32, 10, 3)
     for row, index in enumerate(indices):
@@ -307,7 +312,7 @@ def test_batches_are_what_the_store_and_the_database_hold(store, database, searc
         upper = store.upper_body(int(track))[frames]
         torch.testing.assert_close(batch.positions[row], torch.from_numpy(np.array(upper)))
         np.testing.assert_allclose(
-            database.upper_body(batch.joints[row].numpy()), upper - upper[:, :1], atol=1e-5
+            database.upper_body(batch.poses[row].numpy()), upper - upper[:, :1], atol=1e-5
         )
         samples = 16_000 * (20 + int(track))
         static = sphinx_features(store.audio(int(track), 0, samples), 15, samples * 15 // 16_000)
@@ -319,21 +324,23 @@ def test_batches_are_what_the_store_and_the_database_hold(store, database, searc
         assert int(batch.speakers[row]) == store.speaker_id(int(track))
 
 
-def test_only_what_is_needed_is_served(store, database, search, tracks, pairs):
-    needs = frozenset({"joints", "matched"})
-    batch = PairWindows(store, "train", needs, tracks, pairs, database, search.step).batch([0])
+def test_only_what_is_needed_is_served(store, database, search, reader, pairs):
+    needs = frozenset({"poses", "matched"})
+    batch = PairWindows(store, "train", needs, reader, pairs, database, search.step).batch([0])
     assert batch.cepstra is None
     assert batch.positions is None
-    with pytest.raises(ConfigError, match=r"no \['words'\]; they have"):
-        PairWindows(store, "train", frozenset({"words"}), tracks, pairs, database, search.step)
+    with pytest.raises(ConfigError, match="no batch field smell; there are positions"):
+        PairWindows(store, "train", frozenset({"smell"}), reader, pairs, database, search.step)
 
 
 @pytest.mark.parametrize("seam", ["crossfade", "inertialise"])
-def test_seams_are_smoothed_as_in_a_synthesis(store, database, search, tracks, tmp_path, seam):
+def test_seams_are_smoothed_as_in_a_synthesis(
+    store, database, search, reader, tracks, tmp_path, seam
+):
     settings = replace(SETTINGS, from_mean_pose=True, stride=90, k=1)
     pairs = make_pairs(tracks, search, settings, 0, tmp_path)
     needs = frozenset({"matched"})
-    windows = PairWindows(store, "train", needs, tracks, pairs, database, search.step, seam)
+    windows = PairWindows(store, "train", needs, reader, pairs, database, search.step, seam)
     batch = windows.batch(range(len(windows)))
     for index, (track, first) in enumerate(pairs.windows):
         closed = neighbours(database, int(track), first / 15, 32, 32).tolist()
@@ -345,7 +352,7 @@ def test_seams_are_smoothed_as_in_a_synthesis(store, database, search, tracks, t
 
 
 def test_judging_windows_lie_side_by_side(store, search, tmp_path):
-    windows = open_pair_windows(store, "val", search, SETTINGS, 0, FIELDS, tmp_path)
+    windows = open_pair_windows(store, "val", search, SETTINGS, 0, ALL, tmp_path)
     assert windows.spec.stride == windows.spec.frames == 32
     assert windows.pairs.windows.tolist() == [[0, start] for start in range(0, 329, 32)]
     assert set(windows.pairs.ks.tolist()) == {1}
@@ -358,7 +365,7 @@ def test_judging_windows_lie_side_by_side(store, search, tmp_path):
 
 
 def test_loaders_serve_pairs_in_an_order_of_the_seed(store, search, tmp_path):
-    windows = open_pair_windows(store, "train", search, SETTINGS, 0, FIELDS, tmp_path)
+    windows = open_pair_windows(store, "train", search, SETTINGS, 0, ALL, tmp_path)
     loader = WindowLoader(windows, 50, seed=1, shuffle=True, drop_last=True)
     first, again = ([batch.window_ids.tolist() for batch in loader] for _ in range(2))
     assert first == again
@@ -369,7 +376,7 @@ def test_loaders_serve_pairs_in_an_order_of_the_seed(store, search, tmp_path):
 def test_nothing_to_match(tmp_path):
     short = make_store(tmp_path, [talk(f"t{i}", i, 5) for i in range(3)])
     search = MatchingSearch(fit_database(short, SPEC), threads=1)
-    tracks = list(Tracks(short, "train", 15.0))
+    tracks = list(MatchingTracks(short, "train", 15.0))
     with pytest.raises(CospeechError, match="as long as a window of 100 frames"):
         make_pairs(tracks, search, replace(SETTINGS, frames=100), 0, tmp_path / "pairs")
     with pytest.raises(CospeechError, match="exclude_own=false"):

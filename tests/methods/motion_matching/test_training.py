@@ -115,7 +115,7 @@ def test_the_average_follows_closely_at_first(trained, store):
 def test_statistics_are_those_of_the_training_motion(trained, store):
     method, _, _ = trained
     windows = open_windows(store, "train", method)
-    poses = method.scales.poses(torch.from_numpy(windows.joints))
+    poses = method.scales.poses(torch.from_numpy(windows.every_frame("poses")))
     varies = method.scales.pose_deviation > 0
     assert 0 < varies.sum() < len(varies)
     torch.testing.assert_close(poses.mean(0), torch.zeros_like(poses[0]), atol=1e-3, rtol=0)
@@ -124,7 +124,7 @@ def test_statistics_are_those_of_the_training_motion(trained, store):
     )
     assert (poses[:, ~varies] == 0).all()
     back = method.scales.joints(poses).numpy()
-    np.testing.assert_allclose(back, windows.joints, atol=1e-4)
+    np.testing.assert_allclose(back, windows.every_frame("poses"), atol=1e-4)
 
 
 def test_a_coordinate_that_never_moves_comes_out_as_its_mean():
@@ -154,7 +154,10 @@ def test_a_residual_refinement_begins_with_what_was_matched(store):
     method = build(store, residual=True)
     speech = store.speech(Span(5, 0, 64))
     windows = open_windows(store, "train", method)
-    method.scales.fit(torch.from_numpy(windows.joints), torch.from_numpy(windows.cepstra))
+    method.scales.fit(
+        torch.from_numpy(windows.every_frame("poses")),
+        torch.from_numpy(windows.every_frame("cepstra")),
+    )
     stages = method.stages(speech, None, torch.Generator().manual_seed(2), "ada")
     np.testing.assert_allclose(stages["k-NN + cGAN"], stages["k-NN"], atol=2e-4)
 

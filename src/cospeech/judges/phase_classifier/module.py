@@ -15,17 +15,9 @@ from torchmetrics import ConfusionMatrix
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
-from cospeech.corpus.splits import Span
-from cospeech.corpus.step_windows import StepWindows, split_windows
-from cospeech.corpus.store import Store
-from cospeech.corpus.validation_pieces import (
-    PIECE_S,
-    PIECES,
-    usable_spans,
-    validation_pieces,
-)
+from cospeech.corpus.validation_pieces import PIECE_S, PIECES, Pieces
 from cospeech.corpus.window_loader import WindowLoader
-from cospeech.corpus.windows import WindowSpec
+from cospeech.corpus.windows import ServesWindows, WindowSpec
 from cospeech.errors import ConfigError
 from cospeech.judges.phase_classifier.augmentation import cut_at_random, mirrored, random_sizes
 from cospeech.judges.phase_classifier.confusion_picture import show_confusion, write_confusion
@@ -46,7 +38,6 @@ from cospeech.judges.phase_classifier.scores import PhaseScores
 from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.phases import PHASE_MERGES
 from cospeech.motion.skeleton import Skeleton
-from cospeech.motion.velocities import wrists
 from cospeech.speech.feature_sets.opensmile import COEFFICIENTS
 
 Protocol = Literal["split", "pieces"]
@@ -95,8 +86,10 @@ class PhaseClassifier(LightningModule):
         CospeechError: The skeleton lacks the joints.
     """
 
-    window: WindowSpec = WindowSpec(STEP_FPS, WINDOW_FRAMES, seed_frames=0, stride=WINDOW_FRAMES)
-    needs: frozenset[str] = frozenset({"joints", "phases"})
+    window: WindowSpec = WindowSpec(
+        STEP_FPS, WINDOW_FRAMES, seed_frames=0, stride=WINDOW_FRAMES, interleaved=True
+    )
+    needs: frozenset[str] = frozenset({"phases"})
     monitor: ClassVar[str] = "val/one_minus_weighted_f"
 
     best_weighted_f: Tensor
@@ -132,13 +125,13 @@ class PhaseClassifier(LightningModule):
         _check("protocol", protocol, ("split", "pieces"))
         self.merge = PHASE_MERGES[classes]
         self.joint_set: JointSet = joints
-        self.mirror, self.size_jitter, self.protocol = mirror, size_jitter, protocol
-        self.pieces, self.piece_s, self.pieces_seed = pieces, piece_s, pieces_seed
+        self.mirror, self.size_jitter = mirror, size_jitter
         self.learning_rate, self.clip_norm = learning_rate, clip_norm
         stride = WINDOW_FRAMES if run > 1 else WINDOW_FRAMES // 2
-        self.window = replace(self.window, stride=stride, run=run)
-        if pitch:
-            self.needs = self.needs | {"acoustics"}
+        of_pieces = Pieces(pieces, piece_s, pieces_seed) if protocol == "pieces" else None
+        self.window = replace(self.window, stride=stride, run=run, pieces=of_pieces)
+        self.seen = "wrists" if joints == "wrists" else "joints"
+        self.needs = self.needs | {self.seen} | ({"acoustics"} if pitch else set())
         self.roles, self.joint_indices = _roles(corpus, joints)
         self.register_buffer("class_of", torch.tensor(self.merge.class_of))
         self.register_buffer("best_weighted_f", torch.tensor(-1.0))
@@ -154,32 +147,6 @@ class PhaseClassifier(LightningModule):
         self.network = PhaseNetwork(self.features.channels, len(self.merge.classes), sizes)
         self.confusion = ConfusionMatrix("multiclass", num_classes=len(self.merge.classes))
 
-    def windows(self, store: Store, split: str) -> StepWindows:
-        """The windows of a split, which data modules serve in the place of their usual ones.
-
-        Training sees every interleave. Judging sees one, in windows side by side.
-        """
-        return split_windows(
-            store,
-            split,
-            self.window,
-            self.needs,
-            select=wrists if self.joint_set == "wrists" else None,
-            spans=self.spans(store, split),
-        )
-
-    def spans(self, store: Store, split: str) -> list[Span]:
-        """What belongs to a split by the protocol.
-
-        Raises:
-            ConfigError: The corpus is too short for the pieces.
-        """
-        if self.protocol == "split" or split == "test":
-            return store.splits[split]
-        usable = usable_spans(store, ("train", "val"), with_sound=self.features.pitch)
-        parts = validation_pieces(usable, self.pieces_seed, self.pieces, self.piece_s)
-        return parts[0] if split == "train" else parts[1]
-
     def forward(self, joints: Tensor, pitch: Tensor | None = None) -> Tensor:
         """Scores ``(B, T - 1, classes)`` of ``(B, T, J, 3)`` metres and ``(B, T)`` Hz."""
         scores: Tensor = self.network(self.features(joints, pitch))
@@ -191,7 +158,6 @@ class PhaseClassifier(LightningModule):
             return
         loader = self.trainer.train_dataloader
         assert isinstance(loader, WindowLoader)
-        assert isinstance(loader.dataset, StepWindows)
         self.features.fit(self._statistics_windows(loader.dataset))
         logger.info("statistics of %d steps", int(self.features.steps))
 
@@ -262,11 +228,11 @@ class PhaseClassifier(LightningModule):
         ).cpu()
 
     def _inputs(self, batch: GestureBatch) -> tuple[Tensor, Tensor | None]:
-        joints = batch.require("joints")[..., self.joint_indices, :]
+        joints = batch.require(self.seen)[..., self.joint_indices, :]
         pitch = batch.require("acoustics")[..., COEFFICIENTS] if self.features.pitch else None
         return joints, pitch
 
-    def _statistics_windows(self, dataset: StepWindows) -> Iterator[tuple[Tensor, Tensor | None]]:
+    def _statistics_windows(self, dataset: ServesWindows) -> Iterator[tuple[Tensor, Tensor | None]]:
         for first in range(0, len(dataset), _STATISTICS_RUNS):
             rows = range(first, min(first + _STATISTICS_RUNS, len(dataset)))
             joints, pitch = self._inputs(dataset.batch(rows).to(self.device))

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.features.span_motion import native_frames
+from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.judges.phase_classifier.scores import PhaseScores, confusion_of
@@ -16,8 +14,7 @@ from cospeech.judges.phase_classifier.scores import PhaseScores, confusion_of
 def recording_scores(classifier: FrozenPhaseClassifier, store: Store, split: str) -> PhaseScores:
     """Scores over every native frame of a split's annotated recordings.
 
-    Each recording is labelled as a whole, as users label theirs; where only a part of it belongs to
-    the split, only that part counts.
+    Each stretch of the split is labelled by itself, as users label their recordings.
 
     Args:
         classifier: Any.
@@ -33,17 +30,11 @@ def recording_scores(classifier: FrozenPhaseClassifier, store: Store, split: str
         phases = store.phases(span.recording)
         if phases is None:
             continue
-        recording = store.recordings[span.recording]
-        whole = Span(span.recording, 0, recording.frames)
-        speech = store.speech(whole) if classifier.pitch and recording.has_audio else None
-        motion = store.motion(span.recording)
-        labels = classifier.merge(phases)
-        found = classifier.label(motion, speech)
-        first = math.ceil(span.start / EVALUATION_FPS * motion.fps - 1e-6)
-        stop = len(motion)
-        if span.stop < recording.frames:
-            stop = math.ceil(span.stop / EVALUATION_FPS * motion.fps - 1e-6)
-        confusion += confusion_of(labels[first:stop], found[first:stop], classes)
+        has_audio = store.recordings[span.recording].has_audio
+        speech = store.speech(span) if classifier.pitch and has_audio else None
+        first, stop = native_frames(store, span)
+        found = classifier.label(store.motion(span.recording).slice(first, stop), speech)
+        confusion += confusion_of(classifier.merge(phases[first:stop]), found, classes)
     if not confusion.any():
         raise CospeechError(
             f"{store.name}: no {split} recording has gesture phases",

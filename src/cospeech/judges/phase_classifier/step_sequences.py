@@ -8,16 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cospeech.corpus.features.acoustics import ACOUSTICS
+from cospeech.corpus.features.span_motion import SteppedMotion
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.network import STEP_FPS
-from cospeech.motion.interleaves import at_a_multiple
 from cospeech.motion.motion import Motion
-from cospeech.motion.velocities import BodyJoints, body_positions
-from cospeech.speech.feature_sets.opensmile import (
-    COEFFICIENTS,
-    nearest_frames,
-    opensmile_features,
-)
+from cospeech.motion.velocities import BodyJoints
+from cospeech.speech.feature_sets.opensmile import COEFFICIENTS
 from cospeech.speech.speech import Speech
 
 
@@ -60,7 +57,7 @@ class StepSequences:
 
 
 def step_sequences(motion: Motion, joints: BodyJoints, speech: Speech | None) -> StepSequences:
-    """Every interleaved sequence of a motion, as `cospeech.corpus.step_windows` makes them.
+    """Every interleaved sequence of a motion, as `cospeech.corpus.tracks` makes them.
 
     Args:
         motion: At any rate; one that is no multiple of 20 fps is put on the next multiple.
@@ -70,18 +67,20 @@ def step_sequences(motion: Motion, joints: BodyJoints, speech: Speech | None) ->
     Raises:
         CospeechError: The skeleton lacks a joint, or a sequence would have no step.
     """
-    positions, count = at_a_multiple(body_positions(motion, joints), motion.fps, STEP_FPS)
-    rate = count * STEP_FPS
+    stepped = SteppedMotion(motion, STEP_FPS)
+    positions, count = stepped.joints(joints), stepped.multiple
     if len(positions) < 2 * count:
         raise CospeechError(
             f"the motion is {motion.duration:.2f} s long; phases need at least {2 / STEP_FPS:g} s"
         )
-    hertz = None if speech is None else _pitch_at(speech, np.arange(len(positions)) / rate)
+    hertz = None
+    if speech is not None:
+        hertz = ACOUSTICS.of_speech(speech, stepped.rate, len(positions))[:, COEFFICIENTS]
     chosen = [slice(interleave, None, count) for interleave in range(count)]
     return StepSequences(
         [positions[rows] for rows in chosen],
         [None if hertz is None else hertz[rows] for rows in chosen],
-        rate,
+        stepped.rate,
     )
 
 
@@ -108,11 +107,3 @@ def centred(frames: int, window: int) -> tuple[NDArray[np.int64], tuple[NDArray[
     inside = (steps >= starts[:, None]) & (steps < starts[:, None] + window - 1)
     best = np.where(inside, distance, np.inf).argmin(axis=0)
     return starts[:, None] + np.arange(window), (best, steps - starts[best])
-
-
-def _pitch_at(speech: Speech, times_s: NDArray[np.float64]) -> NDArray[np.float32]:
-    """F0 of the 100 fps frame that begins nearest to each time; past the audio's end the last."""
-    hertz = opensmile_features(speech.waveform)[:, COEFFICIENTS]
-    if not len(hertz):
-        raise CospeechError("the audio is too short for its pitch")
-    return nearest_frames(hertz, times_s)

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, distributed
 
 from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.features.acoustics import ACOUSTICS
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.base import GestureMethod, evaluating, refuse_unknown
@@ -21,7 +22,6 @@ from cospeech.methods.multi_adversary.synthesis import (
     evaluation_joints,
     gesture_skeleton,
     long_poses,
-    speech_features,
 )
 from cospeech.methods.multi_adversary.tally import Tally
 from cospeech.methods.streams import WholeUtterance
@@ -106,10 +106,11 @@ class GeneratesGestures(GestureMethod):
             phases = None
             if tally.classifier is not None:
                 phases = classified(tally.classifier, self.layout, joints, acoustics)
-                if source == "real" and batch.phases is not None:
+                if source == "real" and "phases" in batch.fields:
                     classes = torch.tensor(tally.classifier.merge.class_of, device=self.device)
-                    known = batch.phases[:, 1:] >= 0
-                    tally.add_labels(phases[known], classes[batch.phases[:, 1:][known]])
+                    annotated = batch.require("phases")[:, 1:]
+                    known = annotated >= 0
+                    tally.add_labels(phases[known], classes[annotated[known]])
             tally.add(source, joints, phases)
 
     def _log_tally(self, stage: str) -> None:
@@ -181,7 +182,7 @@ class GeneratesGestures(GestureMethod):
 
     @torch.no_grad()
     def _joints_of(self, speech: Speech) -> Tensor:
-        features = torch.from_numpy(speech_features(speech, self.window.fps)).to(self.device)
+        features = torch.from_numpy(ACOUSTICS.of_speech(speech, self.window.fps)).to(self.device)
         scales, frames = self.players.scales, self.window.frames
         if not len(features):
             return scales.pose_mean[None][:0]

@@ -10,9 +10,8 @@ import torch
 from torch import nn
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.step_windows import StepWindows, split_windows
-from cospeech.corpus.store import Store
-from cospeech.corpus.window_loader import ServesWindows, WindowLoader
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import ServesWindows
 from cospeech.errors import ConfigError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.multi_adversary.adversaries import Settings, Views
@@ -87,14 +86,6 @@ class GoesThroughStages(TrainsInStages, GeneratesGestures):
     merge: PhaseMerge
     classifier_path: str | None
     fingerprint: str
-
-    def windows(self, store: Store, split: str) -> StepWindows:
-        """The windows of a split, which data modules serve in the place of their usual ones.
-
-        Recordings without phases are kept: only the classifier learns from phases, and on what has
-        them (section 4.1: 226 of 370 minutes).
-        """
-        return split_windows(store, split, self.window, self.needs, unlabelled=True)
 
     def on_fit_start(self) -> None:
         """See to the named classifier; a resumed training has it in its checkpoint.

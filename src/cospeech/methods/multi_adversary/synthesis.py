@@ -6,19 +6,13 @@ import math
 from collections.abc import Callable
 from typing import Literal
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from cospeech.corpus.store import EVALUATION_FPS
-from cospeech.errors import CospeechError
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.joint_map import EVALUATION_JOINTS
 from cospeech.motion.skeleton import Skeleton
-from cospeech.speech.feature_sets.opensmile import COEFFICIENTS, opensmile_features
-from cospeech.speech.feature_sets.opensmile import FPS as FEATURE_FPS
-from cospeech.speech.speech import Speech, covering_frames
 
 LongForm = Literal["crossfade", "carry", "reset"]
 """How speech longer than a window is made. ``"crossfade"``: windows that overlap by two seconds,
@@ -28,33 +22,6 @@ side by side, as in training."""
 OVERLAP_FRAMES = 40
 """Of two windows that are faded into one another, 2 s. Two windows of the same speech can be far
 apart; within 1 s the way from one to the next would be faster than the motion around it."""
-
-
-def speech_features(speech: Speech, fps: float) -> NDArray[np.float32]:
-    """The features of a method's steps, as the training's windows have them.
-
-    Args:
-        speech: Any length.
-        fps: Steps per second.
-
-    Returns:
-        ``(ceil(duration * fps), 27)``, not normalised; step i has the 100 fps frame that begins
-        nearest to ``i / fps``, past the audio's end the last.
-
-    Raises:
-        CospeechError: The waveform holds NaN or infinity.
-    """
-    if not np.isfinite(speech.waveform).all():
-        raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
-    if not len(speech.waveform):
-        return np.zeros((0, COEFFICIENTS + 1), dtype=np.float32)
-    count = covering_frames(len(speech.waveform), fps)
-    features = opensmile_features(speech.waveform)
-    if not len(features):
-        # Shorter than a frame of 20 ms: what is there, then silence.
-        features = opensmile_features(speech.waveform, frames=1)
-    rows = np.rint(np.arange(count) / fps * FEATURE_FPS).astype(np.int64)
-    return features[rows.clip(max=len(features) - 1)]
 
 
 def long_poses(

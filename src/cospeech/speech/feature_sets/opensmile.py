@@ -57,22 +57,6 @@ def whole_frames(samples: int) -> int:
     return max(0, samples // _HOP_SAMPLES - 1)
 
 
-def nearest_frames(
-    features: NDArray[np.float32], times_s: NDArray[np.float64]
-) -> NDArray[np.float32]:
-    """The frame that begins nearest to each time; past the last one the last. Nothing is averaged.
-
-    Args:
-        features: ``(T, ...)`` at 100 fps, T of 1 or more.
-        times_s: ``(N,)`` s.
-
-    Returns:
-        ``(N, ...)``.
-    """
-    rows = np.rint(times_s * FPS).astype(np.int64)
-    return features[rows.clip(max=len(features) - 1)]
-
-
 def opensmile_features(
     waveform: NDArray[np.float32],
     frames: int | None = None,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.matching.control import measure
-from cospeech.matching.tracks import Tracks
+from cospeech.matching.tracks import MatchingTracks
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import MakesStages
 from cospeech.speech.speech import SAMPLE_RATE
@@ -64,7 +64,7 @@ def make_motions(store: Store, method: GestureMethod, split: str, seed: int) -> 
     method.eval()
     database = method.matcher.database
     fps = database.spec.fps
-    tracks = Tracks(store, split, fps)
+    tracks = MatchingTracks(store, split, fps)
     names: list[str] = []
     closed: list[NDArray[np.int64] | None] = []
     real: Series = {quantity: [] for quantity in QUANTITIES}

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.corpus.step_windows import StepWindows
 from cospeech.corpus.store import Store
-from cospeech.corpus.windows import WindowSpec
+from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
@@ -97,7 +96,7 @@ def multi_adversary_figures(
         roles=layout.roles,
         bones=layout.bones,
         mean_pose=training_mean_pose(store),
-        window_recordings=held_out.windows.recordings[held_out.windows.starts[chosen]],
+        window_recordings=held_out.windows.recordings[chosen],
         range_windows=np.sort(rng.permutation(count)[:RANGE_WINDOWS]),
         phase_classes=() if classifier is None else classifier.classes,
         fps=FPS,
@@ -155,13 +154,13 @@ def _annotated(
     if not all(store.recordings[span.recording].has_phases for span in spans):
         return None
     spec, needs = WindowSpec(FPS, FRAMES, 0, FRAMES), frozenset({"phases"})
-    windows = StepWindows(store, split, spec, needs, every_interleave=False)
+    windows = WindowDataset(store, split, spec, needs)
     counts = [
         count_phases(
-            classifier.merge(windows.phases[take.first : take.first + len(take.joints)]),
+            classifier.merge(windows.tracks.values("phases", sequence)),
             len(classifier.classes),
             FPS,
         )
-        for take in takes_of(store, windows)
+        for sequence in takes_of(windows)
     ]
     return phase_structure(counts, FPS)

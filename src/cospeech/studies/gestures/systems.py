@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from cospeech.corpus.step_windows import StepWindows
+from cospeech.corpus.windows import WindowDataset
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.judges.phase_classifier.step_sequences import centred
@@ -116,7 +116,7 @@ def motion_of(
 
 @torch.no_grad()
 def _sampled(
-    method: MakesJoints, windows: StepWindows, chosen: NDArray[np.int64]
+    method: MakesJoints, windows: WindowDataset, chosen: NDArray[np.int64]
 ) -> NDArray[np.float32]:
     assert isinstance(method, GestureMethod)
     parts = [

@@ -16,6 +16,8 @@ from cospeech.adversarial.adversary import Adversary
 from cospeech.adversarial.losses import ON_SCORES, chosen_losses
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
+from cospeech.corpus.features.cepstra import CEPSTRA
+from cospeech.corpus.features.joints import pose_roles
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.errors import ConfigError, require_choice, require_range
@@ -25,7 +27,6 @@ from cospeech.matching.fitting import database_folder
 from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
-from cospeech.matching.tracks import HEAD_ROLES
 from cospeech.methods.base import evaluating
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.methods.motion_matching.refinement.losses import (
@@ -37,9 +38,8 @@ from cospeech.methods.motion_matching.refinement.networks import Critic, Form, R
 from cospeech.methods.motion_matching.refinement.pair_windows import PairWindows, open_pair_windows
 from cospeech.methods.motion_matching.refinement.pairs import PairSettings
 from cospeech.methods.motion_matching.refinement.scales import Scales
-from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.skeleton import Skeleton
-from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_features, with_slopes
+from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS
 from cospeech.speech.speech import Speech
 from cospeech.training.losses import WeighedLosses
 from cospeech.training.stages import Progress, Schedule
@@ -102,7 +102,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         ConfigError: A value that is out of its range or not among the choices.
     """
 
-    needs = frozenset({"positions", "joints", "matched", "cepstra", "speakers"})
+    needs = frozenset({"positions", "poses", "matched", "cepstra", "speakers"})
     monitor: ClassVar[str] = "val/selection"
 
     def __init__(
@@ -183,7 +183,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         self.critic_updates_per_generator = critic_updates_per_generator
         self.learning_rate, self.betas, self.weight_decay = learning_rate, betas, weight_decay
         self.averaging = averaging
-        roles = (*gesture_joints(Skeleton.from_dict(corpus["skeleton"])).roles, *HEAD_ROLES)
+        roles = pose_roles(Skeleton.from_dict(corpus["skeleton"]))
         self.scales = Scales(roles, SPEECH_CHANNELS)
         numbers = 3 * len(roles)
         self.generator = Refiner(SPEECH_CHANNELS, numbers, generator_width, form, residual)
@@ -224,8 +224,8 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         loader = self.trainer.train_dataloader
         assert isinstance(loader, WindowLoader)
         assert isinstance(loader.dataset, PairWindows)
-        windows = loader.dataset
-        self.scales.fit(torch.from_numpy(windows.joints), torch.from_numpy(windows.cepstra))
+        poses, cepstra = (loader.dataset.every_frame(name) for name in ("poses", "cepstra"))
+        self.scales.fit(torch.from_numpy(poses), torch.from_numpy(cepstra))
         return {}
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
@@ -244,7 +244,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         """One critic update, and a generator update before every fifth (spec A.6)."""
         generator_optimizer, critic_optimizer = cast(list[LightningOptimizer], self.optimizers())
         speech = self.scales.speech(batch.require("cepstra"))
-        real = self.scales.poses(batch.require("joints"))
+        real = self.scales.poses(batch.require("poses"))
         matched = self.scales.poses(batch.require("matched"))
         moves = self.progress.step % self.critic_updates_per_generator == 0
         with torch.set_grad_enabled(moves):
@@ -306,8 +306,8 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         matched = self.matcher(speech, controls, generator, closed).poses
         refined = matched
         if len(matched):
-            static = sphinx_features(speech.waveform, self.window.fps, len(matched))
-            cepstra = torch.from_numpy(with_slopes(static)).to(self.device)
+            features = CEPSTRA.of_speech(speech, self.window.fps, len(matched))
+            cepstra = torch.from_numpy(features).to(self.device)
             poses = torch.from_numpy(matched).to(self.device)
             refined = self._refine(poses[None], cepstra[None])[0].cpu().numpy()
         return {K_NN: matched, REFINED: refined}

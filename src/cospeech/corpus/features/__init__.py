@@ -1,0 +1,130 @@
+"""The catalogue of what a batch can hold: a file per field or family, and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from cospeech.corpus.features.acoustics import ACOUSTICS, ENERGY, MFCC, PITCH
+from cospeech.corpus.features.audio import AUDIO
+from cospeech.corpus.features.cepstra import CEPSTRA
+from cospeech.corpus.features.field import (
+    Axis,
+    Field,
+    FrameField,
+    MotionField,
+    Places,
+    Source,
+    SpeechField,
+    WindowField,
+)
+from cospeech.corpus.features.joints import JOINTS, PHASES, POSES, WRISTS
+from cospeech.corpus.features.mel import GESTICULATOR, TRIMODAL
+from cospeech.corpus.features.positions import POSITIONS
+from cospeech.corpus.features.speakers import SPEAKERS
+from cospeech.corpus.features.words import WORDS
+from cospeech.errors import ConfigError
+
+__all__ = [
+    "FIELDS",
+    "Axis",
+    "Field",
+    "FrameField",
+    "MotionField",
+    "Places",
+    "Source",
+    "SpeechField",
+    "WindowField",
+    "fields_of",
+    "refuse_lacking",
+]
+
+MATCHED = Field(
+    name="matched",
+    reads="search",
+    axis="method frames",
+    width=None,
+    unit="as poses: motion found for the same speech by a method's search",
+    dtype=np.float32,
+)
+
+FIELDS: Mapping[str, Field] = {
+    field.name: field
+    for field in (
+        POSITIONS,
+        AUDIO,
+        WORDS,
+        SPEAKERS,
+        JOINTS,
+        POSES,
+        WRISTS,
+        PHASES,
+        ACOUSTICS,
+        MFCC,
+        PITCH,
+        ENERGY,
+        CEPSTRA,
+        TRIMODAL,
+        GESTICULATOR,
+        MATCHED,
+    )
+}
+"""Every field by its name."""
+
+_LACKING: Mapping[Source, tuple[str, str]] = {
+    "upper body": (
+        "3-D positions of the upper body",
+        "2-D keypoints have none, nor has a skeleton without arms: choose a 3-D corpus (for"
+        " Berkeley data.kind=3d), or a method that can do with what there is",
+    ),
+    "motion": (
+        "3-D motion",
+        "2-D keypoints have none: choose a 3-D corpus (for Berkeley data.kind=3d)",
+    ),
+    "sound": ("sound", "use a corpus with audio, or a method that reads none"),
+    "search": (
+        "motion that a search found",
+        "it comes with the windows of a method that searches (model=knn_cgan)",
+    ),
+    "phases": (
+        "gesture phases",
+        "use a corpus with annotated phases (data=synthetic, data=uci_phases); or, for"
+        " model=multi_adversary, give a classifier that was trained on one:"
+        " model.classifier=FILE, the phase_classifier.pt in the folder of a run of"
+        " model=phase_classifier",
+    ),
+}
+"""What a corpus can lack: how it is called, and what would help."""
+
+
+def fields_of(names: Iterable[str]) -> list[Field]:
+    """The fields of some names, in the names' order.
+
+    Raises:
+        ConfigError: A name that is no field's; there are those of `FIELDS`.
+    """
+    names = sorted(names)
+    if unknown := [name for name in names if name not in FIELDS]:
+        raise ConfigError(f"no batch field {', '.join(unknown)}; there are {', '.join(FIELDS)}")
+    return [FIELDS[name] for name in names]
+
+
+def refuse_lacking(who: str, needs: Iterable[str], corpus: str, lacks: Iterable[Source]) -> None:
+    """Refuse fields that a corpus can't fill.
+
+    Args:
+        who: Whose they are, for the message.
+        needs: Names of fields.
+        corpus: Its name.
+        lacks: What none of its recordings has.
+
+    Raises:
+        ConfigError: One can't be filled, with what would help, or is no field.
+    """
+    for field in fields_of(needs):
+        if field.reads in lacks:
+            lacking, hint = _LACKING[field.reads]
+            raise ConfigError(
+                f"{who} needs {lacking} (the field {field.name}), and {corpus} has none", hint
+            )

@@ -1,0 +1,166 @@
+"""What a field of a batch declares of itself, and how its values come about."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.corpus.store import Store
+from cospeech.errors import CospeechError
+from cospeech.motion.skeleton import Skeleton
+from cospeech.speech.speech import SAMPLE_RATE, Speech
+
+if TYPE_CHECKING:
+    from cospeech.corpus.features.span_motion import SpanMotion
+
+Axis = Literal["method frames", "evaluation frames", "samples", "none"]
+"""What an index along a window means: a frame at the method's rate, one at the evaluation's 15 fps,
+a sample at 16 kHz; or one value is for the whole window."""
+
+Source = Literal["sound", "words", "motion", "upper body", "phases", "speaker", "search"]
+"""What of a recording a field is made from. ``"motion"`` is 3-D motion on any skeleton, ``"upper
+body"`` on one with the ten evaluation joints; ``"search"`` is no recording's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """What a batch can hold of every window.
+
+    Attributes:
+        name: Its name in `GestureBatch`.
+        reads: What it is made from.
+        axis: The time axis that follows the batch's.
+        unit: Unit of its numbers.
+        width: Numbers per step of the axis; None where the skeleton says how many.
+        dtype: Of the batch's tensor.
+    """
+
+    name: str
+    reads: Source
+    axis: Axis
+    unit: str
+    width: int | None = 1
+    dtype: type[np.generic] = np.float32
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeechField(Field):
+    """A field of speech with values on the method's frames, computed once per corpus and kept.
+
+    Attributes:
+        version: Counted up when ``compute`` gives other values.
+        fps: Its own frames per second, of which a method's frame takes the nearest; None: it is
+            computed at the method's rate.
+        sees_whole_clip: Whether a value depends on all of the sound, however far away.
+        compute: ``(frames, width)`` of a speech that has sound: at its own rate as many as there
+            are, at least one; else of the rate and the number of frames given.
+    """
+
+    axis: Axis = "method frames"
+    version: int = 1
+    fps: float | None = None
+    sees_whole_clip: bool = False
+    compute: Callable[[Speech, float, int], NDArray[np.float32]]
+
+    def of_speech(
+        self, speech: Speech, fps: float, frames: int | None = None
+    ) -> NDArray[np.float32]:
+        """Values of a method's frames: frame i shows ``i / fps`` s of the speech.
+
+        Args:
+            speech: Of any length.
+            fps: The method's frames per second.
+            frames: How many; None for as many as cover the sound.
+
+        Returns:
+            ``(frames, width)``, not normalised.
+
+        Raises:
+            CospeechError: The waveform holds NaN or infinity, or there is none to fill frames from.
+        """
+        if not np.isfinite(speech.waveform).all():
+            raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
+        if frames is None:
+            frames = math.ceil(len(speech.waveform) / SAMPLE_RATE * fps - 1e-9)
+        if frames == 0:
+            return np.zeros((0, self.width or 0), dtype=np.float32)
+        if not len(speech.waveform):
+            raise CospeechError(f"there is no sound to take {self.name} from")
+        if self.fps is None:
+            return self.compute(speech, fps, frames)
+        values = self.compute(speech, self.fps, 0)
+        return values[nearest(np.arange(frames) / fps, self.fps, len(values))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionField(Field):
+    """A field of motion or its annotation with values on the method's frames.
+
+    Attributes:
+        of_motion: ``(T, ...)`` at all frames of a span's sequences together.
+        roles: What the joints of a skeleton are; None where recordings may differ.
+    """
+
+    axis: Axis = "method frames"
+    of_motion: Callable[[SpanMotion], NDArray[Any]]
+    roles: Callable[[Skeleton], tuple[str, ...]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where n windows are.
+
+    Attributes:
+        recordings: ``(n,)`` their recordings.
+        starts_s: ``(n,)`` times of their first frames in the recordings, s.
+        samples: ``(n,)`` their first samples of sound.
+        stops: ``(n,)`` where the spans that they are of end, in evaluation frames.
+        frames: Frames of each window at ``fps``.
+        fps: Frames per second.
+    """
+
+    recordings: NDArray[np.int64]
+    starts_s: NDArray[np.float64]
+    samples: NDArray[np.int64]
+    stops: NDArray[np.int64]
+    frames: int
+    fps: float
+
+    @property
+    def audio_samples(self) -> int:
+        """Samples of sound that go with a window."""
+        return round(self.frames / self.fps * SAMPLE_RATE)
+
+
+Gather = Callable[[NDArray[np.int64]], NDArray[Any]]
+"""Values of the windows at some indices, ``(B, ...)``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowField(Field):
+    """A field that is read from the store window by window, and not a table of frames.
+
+    Attributes:
+        open: What gathers the values of windows at given places.
+    """
+
+    open: Callable[[Store, Places], Gather]
+
+
+FrameField = SpeechField | MotionField
+"""A field whose values for a span are a table of the method's frames."""
+
+
+def nearest(
+    times_s: NDArray[np.float64], fps: float, count: int | NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Of ``count`` frames the nearest to each time, ties to the even; past the last one the last.
+
+    Nothing is averaged: interleaved sequences have features of their own.
+    """
+    return np.rint(times_s * fps).astype(np.int64).clip(0, count - 1)
