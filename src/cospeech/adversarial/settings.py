@@ -103,8 +103,7 @@ def checked_settings(
                 f"say {place}.class=PACKAGE.MODULE.CLASS for one of your own",
             )
         checked[name] = AdversarySettings(kind, _arguments(kind, values, place))
-    order = [*built_in, *checked]
-    return {name: checked[name] for name in dict.fromkeys(order) if name in checked}
+    return {name: checked[name] for name in (*built_in, *checked) if name in checked}
 
 
 def _class(path: Any, base: type[Kind], packages: Iterable[str], place: str) -> type[Kind]:
