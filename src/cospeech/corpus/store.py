@@ -227,7 +227,8 @@ class Store:
             return Motion(skeleton, stored.fps, positions)
         rotations = self.read(recording, "rotations_local").reshape(-1, len(skeleton), 4)
         offsets = self.read(recording, "rest_offsets")
-        if len(offsets) and not np.array_equal(offsets, skeleton.offsets):
+        known = skeleton.offsets
+        if len(offsets) and (known is None or not np.array_equal(offsets, known)):
             skeleton = replace(skeleton, offsets=np.array(offsets))
         return Motion(skeleton, stored.fps, positions, rotations)
 
