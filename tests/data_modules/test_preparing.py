@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cospeech.corpus.store import SCHEMA_VERSION
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.bvh import write_bvh
 from cospeech.motion.kinematics import skeleton_positions
@@ -145,6 +146,27 @@ def test_another_split_of_the_same_recordings_reads_nothing_again(tmp_path, bvh_
     written = second.manifest
     read = mocap(tmp_path / "elsewhere", bvh_folder, val_share=0.3, test_share=0.3).prepare_store()
     assert written == read.manifest
+
+
+def test_motion_in_the_store_is_posed_by_its_rotations(tmp_path, bvh_folder):
+    store = mocap(tmp_path, bvh_folder).prepare_store()
+    for i in range(len(store.recordings)):
+        motion = store.motion(i)
+        roots = motion.positions[:, 0]
+        posed = skeleton_positions(motion.skeleton, motion.rotations_local, roots)
+        np.testing.assert_allclose(posed, motion.positions, atol=1e-4)
+
+
+def test_a_store_of_an_earlier_schema_is_built_again(tmp_path, bvh_folder, monkeypatch):
+    for module in ("data_modules.base", "cospeech.corpus.store", "cospeech.corpus.store_writer"):
+        monkeypatch.setattr(f"{module}.SCHEMA_VERSION", 3)
+    earlier = mocap(tmp_path, bvh_folder).prepare_store()
+    assert earlier.manifest["schema"] == 3
+    monkeypatch.undo()
+    store = mocap(tmp_path, bvh_folder).prepare_store()
+    assert store.manifest["schema"] == SCHEMA_VERSION
+    assert store.path != earlier.path
+    assert store.motion(0).rotations_local is not None
 
 
 def test_a_bad_recording_is_skipped_with_its_reason(tmp_path, bvh_folder):

@@ -5,6 +5,7 @@ Each function writes them below a folder and returns those that are to be damage
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -112,17 +113,23 @@ def published_trimodal(folder: Path) -> list[Path]:
     return [folder / "new.bin", folder / "old.bin"]
 
 
-def _corpus(folder: Path):
+def _corpus(folder: Path, *more):
     from tests.corpora import make_recording, make_store
 
     names = ("ada", "ben", "ada", "ben")
-    return make_store(folder, [make_recording(f"take{i}", n, 5.0) for i, n in enumerate(names)])
+    recordings = [make_recording(f"take{i}", n, 5.0) for i, n in enumerate(names)]
+    return make_store(folder, [*more, *recordings])
 
 
 def stores(folder: Path) -> list[Path]:
+    from tests.corpora import make_recording
+    from tests.fabricated.mocap import body, swinging
+
     shutil.rmtree(folder / "made", ignore_errors=True)
-    store = _corpus(folder)
+    turning = swinging(body(), "fuzz", 5.0, 15.0)
+    store = _corpus(folder, replace(make_recording("turning"), motion=turning))
     names = ("manifest.json", "vocabulary.json", "annotations.jsonl", "positions.bin")
+    names = (*names, "rotations_local.bin", "rest_offsets.bin")
     return [store.path / name for name in names]
 
 

@@ -144,6 +144,12 @@ def _check_streams(manifest: dict[str, Any], count: int) -> None:
         facts = {"dtype": dtype, "width": width, "rows": sum(rows)}
         _require(manifest["streams"][stream] == facts, str(facts), f"streams.{stream}")
     _require(manifest["streams"].keys() == STREAMS.keys(), f"{', '.join(STREAMS)}", "streams")
+    rows, columns = manifest["rows"], manifest["recordings"]
+    joints = [len(manifest["skeletons"][index]["joints"]) for index in columns["skeleton"]]
+    for i, is_turned in enumerate(columns["has_rotations"]):
+        fits = rows["rotations_local"][i] == (rows["positions"][i] if is_turned else 0)
+        _require(fits, "as many as positions where there are any", "rows.rotations_local")
+        _require(rows["rest_offsets"][i] in (0, joints[i]), "one a joint", "rows.rest_offsets")
 
 
 def _all_of(values: Any, *kinds: type) -> bool:

@@ -26,6 +26,8 @@ EVALUATION_FPS = 15.0
 
 STREAMS: dict[str, tuple[str, int]] = {
     "positions": ("<f4", 3),
+    "rotations_local": ("<f4", 4),
+    "rest_offsets": ("<f8", 3),
     "upper_body": ("<f4", 30),
     "audio": ("<i2", 1),
     "words": ("<f8", 3),
@@ -35,7 +37,8 @@ STREAMS: dict[str, tuple[str, int]] = {
     "windows": ("<i8", 2),
 }
 """Stream name -> (dtype, numbers per row). A row of `positions` is one joint of one frame (of two
-numbers in a corpus of 2-D keypoints); one of `windows` a start frame and a start sample."""
+numbers in a corpus of 2-D keypoints), as is one of `rotations_local`; one of `rest_offsets` a joint
+of the recording's own skeleton; one of `windows` a start frame and a start sample."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,12 @@ def pack(recording: Recording, upper_body: bool = True) -> PackedRecording:
             f"recording {recording.id}: NaN or infinite position at frame {bad},"
             f" joint {motion.skeleton.joints[joint]}"
         )
+    if motion.rotations_local is not None and not np.isfinite(motion.rotations_local).all():
+        frame, joint, _ = np.argwhere(~np.isfinite(motion.rotations_local))[0]
+        raise CospeechError(
+            f"recording {recording.id}: NaN or infinite rotation at frame {frame},"
+            f" joint {motion.skeleton.joints[joint]}"
+        )
     if windows is not None and windows.fps != EVALUATION_FPS and upper_body:
         raise ValueError(f"a window list at {windows.fps} fps")
     if windows is not None and not len(windows.starts):
@@ -151,6 +160,10 @@ def pack(recording: Recording, upper_body: bool = True) -> PackedRecording:
         upper = to_upper_body(motion, chosen).positions
         resampled = resample_positions(upper, motion.fps, EVALUATION_FPS)
         arrays["upper_body"] = resampled.reshape(-1, 30)
+    if motion.rotations_local is not None:
+        arrays["rotations_local"] = motion.rotations_local.reshape(-1, 4)
+        if skeleton.offsets is not None:
+            arrays["rest_offsets"] = skeleton.offsets
     if recording.phases is not None:
         arrays["phases"] = np.asarray(recording.phases)[:, None]
     if windows is not None:
@@ -167,6 +180,7 @@ def pack(recording: Recording, upper_body: bool = True) -> PackedRecording:
             "has_words": recording.speech.words is not None,
             "has_audio": len(recording.speech.waveform) > 0,
             "has_phases": recording.phases is not None,
+            "has_rotations": motion.rotations_local is not None,
             "has_interlocutor": recording.interlocutor is not None,
             "source": recording.source,
             "licence": recording.licence,

@@ -17,6 +17,7 @@ RECORDING_FACTS = (
     "has_words",
     "has_audio",
     "has_phases",
+    "has_rotations",
     "has_interlocutor",
     "source",
     "licence",
@@ -38,6 +39,7 @@ class StoredRecording:
         has_words: Whether a transcript exists (an empty list of words differs from none).
         has_audio: Whether there is sound.
         has_phases: Whether gesture phases are annotated.
+        has_rotations: Whether the joints' rotations are known, not their positions alone.
         has_interlocutor: Whether the other side of a dialogue is there.
         source: Where it came from.
         licence: Licence of the data.
@@ -53,6 +55,7 @@ class StoredRecording:
     has_words: bool
     has_audio: bool
     has_phases: bool
+    has_rotations: bool
     has_interlocutor: bool
     source: str
     licence: str

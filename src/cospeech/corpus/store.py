@@ -8,6 +8,9 @@ Layout of a store folder::
     annotations.jsonl       one JSON object per recording, in manifest order
     positions.bin           float32, every recording's (T, J, 3) one after another; (T, J, 2) in a
                             corpus of 2-D keypoints
+    rotations_local.bin     float32, (T, J, 4) quaternions, scalar last, of the recordings that have
+                            them; those of the root are its orientation in the world
+    rest_offsets.bin        float64, (J, 3) metres, of the same recordings: their own bone lengths
     upper_body.bin          float32, (T', 10, 3) at the evaluation rate, root-relative
     audio.bin               int16, 16 kHz
     words.bin               (start s, end s, word id) float64 rows
@@ -25,6 +28,7 @@ from __future__ import annotations
 import logging
 import mmap
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -54,7 +58,7 @@ __all__ = ["EVALUATION_FPS", "SCHEMA_VERSION", "Store"]
 
 logger = logging.getLogger(__name__)
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 class Store:
@@ -211,11 +215,22 @@ class Store:
         return Speech(waveform, found)
 
     def motion(self, recording: int) -> Motion:
-        """Full-skeleton motion at its native rate; 2-D in a corpus of keypoints."""
+        """Full-skeleton motion at its native rate; 2-D in a corpus of keypoints.
+
+        With rotations where the recording has them, on a skeleton with the recording's own bones:
+        forward kinematics from the root's positions gives the other positions.
+        """
         stored = self.recordings[recording]
         skeleton = self.skeletons[stored.skeleton]
         positions = self.read(recording, "positions").reshape(-1, len(skeleton), self.dimensions)
-        return Motion(skeleton, stored.fps, positions)
+        if not stored.has_rotations:
+            return Motion(skeleton, stored.fps, positions)
+        rotations = self.read(recording, "rotations_local").reshape(-1, len(skeleton), 4)
+        offsets = self.read(recording, "rest_offsets")
+        known = skeleton.offsets
+        if len(offsets) and (known is None or not np.array_equal(offsets, known)):
+            skeleton = replace(skeleton, offsets=np.array(offsets))
+        return Motion(skeleton, stored.fps, positions, rotations)
 
     def upper_body_motion(self, span: Span) -> Motion:
         """Upper-body motion of a span at the evaluation rate."""

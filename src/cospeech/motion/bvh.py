@@ -57,6 +57,9 @@ MAX_JOINT_FRAMES_PER_NUMBER = 2
 MAX_DISTANCE_M = 1e6
 """Squares of what is further away would not be numbers any more further on."""
 
+SAME_OFFSET_M = 1e-6
+"""Position channels that stay so close to a joint's OFFSET say the same as it does."""
+
 POSED_AT_ONCE = 2**18
 """Joint-frames whose kinematics, some 220 bytes each, are in memory together."""
 
@@ -92,7 +95,8 @@ def read_bvh(
         warn: Called with what was odd about a file that was read all the same.
 
     Returns:
-        World positions and local rotations of every joint; ``skeleton.name`` is ``"bvh"``. Peak
+        World positions and local rotations of every joint; ``skeleton.name`` is ``"bvh"``, and its
+        offsets are what position channels put in their place, on average over the rows. Peak
         memory is that of the returned arrays, 28 bytes per joint and frame, and some 60 MB.
 
     Raises:
@@ -118,7 +122,7 @@ def read_bvh(
         positions = np.empty((rows.count, len(skeleton), 3), np.float32)
         rotations = np.empty((rows.count, len(skeleton), 4), np.float32)
         turn = None if up_axis == "y" else _Turn(skeleton)
-        frame = 0
+        frame, total = 0, np.zeros((len(skeleton), 3))
         for values in _few_at_once(rows, len(skeleton)):
             translations, turns = _local_pose(hierarchy, values, unit_scale)
             if turn is not None:
@@ -131,6 +135,7 @@ def read_bvh(
             positions[frame : frame + len(values)] = world
             rotations[frame : frame + len(values)] = turns
             frame += len(values)
+            total += translations.sum(axis=0)
         odd = []
         if frame_rate is None:
             frame_rate, about_header = checked_rate(count, frame_time, rows.count, path)
@@ -142,6 +147,7 @@ def read_bvh(
         warn(f"{path.name}: {'; '.join(odd)}")
     if turn is not None:
         skeleton = turn.turned_skeleton()
+    skeleton = _with_own_bones(skeleton, total / rows.count)
     return Motion(skeleton, frame_rate, positions, rotations)
 
 
@@ -288,6 +294,16 @@ def _local_pose(
     for order, (members, columns) in columns_of_order.items():
         rotations[:, members] = euler_to_quaternion(np.radians(values[:, columns]), order)
     return translations, rotations
+
+
+def _with_own_bones(skeleton: Skeleton, translations: NDArray[np.float64]) -> Skeleton:
+    """The skeleton with the offsets that its position channels have on average, but for roots."""
+    assert skeleton.offsets is not None
+    apart = np.abs(translations - skeleton.offsets).max(axis=1) > SAME_OFFSET_M
+    apart &= np.asarray(skeleton.parents) >= 0
+    if not apart.any():
+        return skeleton
+    return replace(skeleton, offsets=np.where(apart[:, None], translations, skeleton.offsets))
 
 
 class _Turn:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from cospeech.methods.motion_matching.refinement.poses import ParentRelative
+from cospeech.motion.codecs.parent_relative import ParentRelative
 
 CONSTANT_M = 1e-4
 """A coordinate that varies by less, metres, is no motion: networks see 0, its mean comes out."""

@@ -1,4 +1,4 @@
-"""Codecs: how a method sees motion, with the way back to positions."""
+"""Direction vectors along the bones of the upper body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses as seen from parent to child: what the refinement works on (section 3.2; spec A.6)."""
+"""Positions of gesturing joints as offsets from their parents."""
 
 from __future__ import annotations
 

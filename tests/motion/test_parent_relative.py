@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from cospeech.errors import CospeechError
-from cospeech.methods.motion_matching.refinement.poses import ParentRelative, parents_of
+from cospeech.motion.codecs.parent_relative import ParentRelative, parents_of
 from cospeech.motion.gesture_joints import FINGERS, gesture_joints
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
