@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +117,7 @@ def _windows(pieces: Sequence[int], most: int) -> list[tuple[int, int, int, int]
         start = min(max(start + 1, half), stop)
     # Of two windows that overlap, the words before the middle of what they share are the first's.
     borders = [0]
-    for (_, stop), (start, _) in zip(windows, windows[1:], strict=False):
+    for (_, stop), (start, _) in pairwise(windows):
         shared = (ends[start] - pieces[start] + ends[stop - 1]) / 2
         middles = ends[start:stop] - np.asarray(pieces[start:stop]) / 2
         borders.append(max(borders[-1], start + int((middles <= shared).sum())))
