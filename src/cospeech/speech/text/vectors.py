@@ -1,0 +1,74 @@
+"""What gives a vector for every word, and the kind that looks at the word alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.speech.speech import Word
+from cospeech.speech.vocabulary import normalise_word
+from cospeech.speech.word_vectors import find_word_vectors
+
+
+class WordVectors(Protocol):
+    """One vector per word of a transcript.
+
+    Attributes:
+        version: Names where the vectors come from: others have another version, so that what was
+            computed once can be kept under it.
+        dimensions: Values of a vector.
+    """
+
+    version: str
+    dimensions: int
+
+    def vectors(self, words: Sequence[Word]) -> NDArray[np.float32]:
+        """The vector of each word of one transcript, ``(W, dimensions)``, in order.
+
+        What has no vector, such as a text without a letter, is zeros.
+        """
+        ...
+
+
+class StaticVectors:
+    """Vectors of a fastText file: the same for a word wherever it stands.
+
+    Words are looked up as the vocabulary spells them (`normalise_word`); several words in one text
+    give their mean, unknown words zeros. The file is read once for ``words``, and again when other
+    words come.
+
+    Args:
+        path: fastText ``.vec`` or ``.bin`` file (`find_word_vectors`).
+        words: The vocabulary of a corpus.
+
+    Raises:
+        InputFileError: Missing, compressed, quantised, cut off, or in another format.
+    """
+
+    def __init__(self, path: str | Path, words: Iterable[str] = ()) -> None:
+        self._path = Path(path)
+        self._known: dict[str, NDArray[np.float32] | None] = {}
+        self._look_up(part for word in words for part in normalise_word(word).split())
+        self.version = f"static-{self._path.name}-{self._path.stat().st_size}"
+
+    def vectors(self, words: Sequence[Word]) -> NDArray[np.float32]:
+        """See `WordVectors`."""
+        texts = [normalise_word(word.text).split() for word in words]
+        new = {part for parts in texts for part in parts} - self._known.keys()
+        if new:
+            self._look_up(sorted(new))
+        result = np.zeros((len(words), self.dimensions), np.float32)
+        for i, parts in enumerate(texts):
+            found = [vector for part in parts if (vector := self._known[part]) is not None]
+            if found:
+                result[i] = np.mean(found, axis=0)
+        return result
+
+    def _look_up(self, words: Iterable[str]) -> None:
+        wanted = list(dict.fromkeys(words))
+        self.dimensions, found = find_word_vectors(self._path, wanted)
+        self._known |= {word: found.get(word) for word in wanted}
