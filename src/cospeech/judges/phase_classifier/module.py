@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 import torch
 from lightning import LightningModule
@@ -97,7 +97,6 @@ class PhaseClassifier(LightningModule):
 
     window: WindowSpec = WindowSpec(STEP_FPS, WINDOW_FRAMES, seed_frames=0, stride=WINDOW_FRAMES)
     needs: frozenset[str] = frozenset({"joints", "phases"})
-    monitor: ClassVar[str] = "val/one_minus_weighted_f"
 
     best_weighted_f: Tensor
     class_of: Tensor

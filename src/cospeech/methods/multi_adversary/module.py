@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import ClassVar, cast, get_args
+from typing import cast, get_args
 
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
@@ -106,7 +106,6 @@ class MultiAdversary(GoesThroughStages):
 
     window = WindowSpec(fps=STEP_FPS, frames=WINDOW_FRAMES, seed_frames=0, stride=200, run=4)
     needs = frozenset({"joints", "acoustics", "positions"})
-    monitor: ClassVar[str] = "val/adversarial_gap"
 
     def __init__(
         self,

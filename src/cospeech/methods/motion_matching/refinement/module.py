@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 from pathlib import Path
-from typing import ClassVar, cast, get_args
+from typing import cast, get_args
 
 import numpy as np
 import torch
@@ -101,7 +101,6 @@ class RefinedMotionMatching(MatchedMethod):
     """
 
     needs = frozenset({"positions", "joints", "matched", "cepstra", "speakers"})
-    monitor: ClassVar[str] = "val/selection"
 
     updates_done: Tensor
 
