@@ -16,7 +16,7 @@ from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
 from cospeech.matching.tracks import MatchingTracks
 from cospeech.methods.base import GestureMethod
 from cospeech.studies.control_adherence import control_adherence
-from cospeech.studies.control_adherence.asked import ASKED, changing
+from cospeech.studies.control_adherence.tested_controls import TESTED_CONTROLS, changing
 from tests.corpora import REST_POSE, make_recording, make_store
 
 
@@ -82,16 +82,18 @@ def test_numbers_are_those_of_the_motion(store, matcher, obeyed):
     tracks = list(MatchingTracks(store, "train", 15.0))
     rows = {(row["name"], row["stage"]): row for row in result["controls"]}
     assert len(rows) == 12
-    for asked in ASKED:
-        usable = measure(asked.quantity, database.poses, database.pose_roles, 15.0)[database.usable]
-        threshold = np.percentile(usable, asked.percent)
+    for tested in TESTED_CONTROLS:
+        usable = measure(tested.quantity, database.poses, database.pose_roles, 15.0)[
+            database.usable
+        ]
+        threshold = np.percentile(usable, tested.percent)
         values = {"free": [], "controlled": []}
         for number, track in enumerate(tracks):
-            for kind, controls in (("free", None), ("controlled", asked.controls())):
+            for kind, controls in (("free", None), ("controlled", tested.controls())):
                 generator = torch.Generator().manual_seed(3000 + number)
                 poses = matcher(store.speech(track.span), controls, generator).poses
-                values[kind].append(measure(asked.quantity, poses, database.pose_roles, 15.0))
-        row = rows[asked.name, "k-NN"]
+                values[kind].append(measure(tested.quantity, poses, database.pose_roles, 15.0))
+        row = rows[tested.name, "k-NN"]
         assert row["threshold"] == pytest.approx(threshold)
         for kind, parts in values.items():
             everything = np.concatenate(parts)
@@ -99,14 +101,14 @@ def test_numbers_are_those_of_the_motion(store, matcher, obeyed):
             assert row[kind]["deviation"] == pytest.approx(everything.std())
             inner = np.concatenate([np.delete(part, np.s_[::8]) for part in parts])
             assert row[kind]["within"] == pytest.approx(inner.mean())
-            beyond = asked.way * everything >= asked.way * threshold
+            beyond = tested.way * everything >= tested.way * threshold
             assert row[kind]["share"] == pytest.approx(beyond.mean())
-        shift = asked.way * (row["controlled"]["mean"] - row["free"]["mean"])
+        shift = tested.way * (row["controlled"]["mean"] - row["free"]["mean"])
         assert row["shift"]["value"] == pytest.approx(shift)
         low, high = row["shift"]["interval"]
         assert low < shift < high
         real = np.concatenate(
-            [measure(asked.quantity, t.poses, database.pose_roles, 15.0) for t in tracks]
+            [measure(tested.quantity, t.poses, database.pose_roles, 15.0) for t in tracks]
         )
         assert row["real"]["mean"] == pytest.approx(real.mean())
 
@@ -133,8 +135,8 @@ def test_windows_are_counted_as_the_search_counts_them(store, matcher, obeyed):
     _, result = obeyed
     tracks = list(MatchingTracks(store, "train", 15.0))
     for row in result["controls"]:
-        asked = next(asked for asked in ASKED if asked.name == row["name"])
-        made = matcher(store.speech(tracks[0].span), asked.controls(), None)
+        tested = next(one for one in TESTED_CONTROLS if one.name == row["name"])
+        made = matcher(store.speech(tracks[0].span), tested.controls(), None)
         assert row["windows"]["mean"] == made.plan.eligible[0] == row["windows"]["fewest"]
         assert row["windows"]["of"] == matcher.search.eligible().sum()
     halves = matcher(store.speech(tracks[0].span), changing(12.0), None).plan.eligible

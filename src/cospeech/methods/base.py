@@ -30,12 +30,10 @@ class GestureMethod(LightningModule):
     Attributes:
         window: Frame rate, length, seed frames and stride of the windows it works on.
         needs: `GestureBatch` fields it reads.
-        monitor: Logged value that selects the best checkpoint (lower is better).
     """
 
     window: WindowSpec
     needs: ClassVar[frozenset[str]]
-    monitor: ClassVar[str] = "val/fgd"
 
     def __init__(self) -> None:
         super().__init__()

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 import torch
 from lightning import LightningModule
@@ -90,7 +90,6 @@ class PhaseClassifier(LightningModule):
         STEP_FPS, WINDOW_FRAMES, seed_frames=0, stride=WINDOW_FRAMES, interleaved=True
     )
     needs: frozenset[str] = frozenset({"phases"})
-    monitor: ClassVar[str] = "val/one_minus_weighted_f"
 
     best_weighted_f: Tensor
     class_of: Tensor

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import Any, ClassVar, cast, get_args
+from typing import Any, cast, get_args
 
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
@@ -103,7 +103,6 @@ class MultiAdversary(GoesThroughStages):
         unlabelled=True,
     )
     needs = frozenset({"joints", "acoustics", "positions"})
-    monitor: ClassVar[str] = "val/adversarial_gap"
 
     def __init__(
         self,

@@ -11,12 +11,12 @@ from cospeech.matching.control import database_mask, parse_criterion
 from cospeech.matching.control.frames import DatabaseFrames
 from cospeech.matching.search import MatchingSearch
 from cospeech.metrics.gesture_statistics.resampling import Estimate, Resampling
-from cospeech.studies.control_adherence.asked import (
-    ASKED,
+from cospeech.studies.control_adherence.motions import CHANGING, FREE, Made, Values
+from cospeech.studies.control_adherence.tested_controls import (
     CHANGING_QUANTITIES,
-    Asked,
+    TESTED_CONTROLS,
+    TestedControl,
 )
-from cospeech.studies.control_adherence.making import CHANGING, FREE, Made, Values
 
 RESAMPLES = 1000
 
@@ -81,7 +81,7 @@ class Adherence:
     """One control at one stage of the method.
 
     Attributes:
-        asked: The control.
+        tested: The control.
         stage: The stage.
         threshold: m or m/s; the mean over recordings where speakers have their own.
         windows: What the control leaves.
@@ -91,7 +91,7 @@ class Adherence:
         shift: From the one to the other.
     """
 
-    asked: Asked
+    tested: TestedControl
     stage: str
     threshold: float
     windows: Windows
@@ -129,22 +129,22 @@ def measure_adherence(made: Made, search: MatchingSearch, seed: int) -> list[Adh
     """One entry per control and stage, in the order of the paper's table."""
     draws = Resampling(np.arange(len(made.names)), RESAMPLES, seed)
     found = []
-    for asked in ASKED:
-        q = asked.quantity
-        limits = thresholds(made, search, q, asked.percent)
-        windows = count_windows(asked.where, search, made)
+    for tested in TESTED_CONTROLS:
+        q = tested.quantity
+        limits = thresholds(made, search, q, tested.percent)
+        windows = count_windows(tested.where, search, made)
         for stage in made.stages:
-            free, controlled = (made.motions[name][stage][q] for name in (FREE, asked.name))
-            shift = _shift(draws, asked.way, _mean(draws, controlled), _mean(draws, free))
+            free, controlled = (made.motions[name][stage][q] for name in (FREE, tested.name))
+            shift = _shift(draws, tested.way, _mean(draws, controlled), _mean(draws, free))
             found.append(
                 Adherence(
-                    asked,
+                    tested,
                     stage,
                     float(np.mean(limits)),
                     windows,
-                    real=_spread(made.real[q], asked.way, limits, search.step),
-                    free=_spread(free, asked.way, limits, search.step),
-                    controlled=_spread(controlled, asked.way, limits, search.step),
+                    real=_spread(made.real[q], tested.way, limits, search.step),
+                    free=_spread(free, tested.way, limits, search.step),
+                    controlled=_spread(controlled, tested.way, limits, search.step),
                     shift=shift,
                 )
             )

@@ -12,7 +12,7 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.files import replacing
 from cospeech.reporting.markup import one_line
-from cospeech.studies.control_adherence.making import Values
+from cospeech.studies.control_adherence.motions import Values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

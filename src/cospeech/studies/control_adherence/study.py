@@ -18,19 +18,6 @@ from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import MakesStages
 from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
-from cospeech.studies.control_adherence.asked import (
-    ASKED,
-    CHANGING_PERCENTS,
-    CHANGING_QUANTITIES,
-    FAST_AND_HIGH,
-    SLOW_AND_LOW,
-)
-from cospeech.studies.control_adherence.making import (
-    CHANGING,
-    FREE,
-    Made,
-    make_motions,
-)
 from cospeech.studies.control_adherence.measuring import (
     Adherence,
     Change,
@@ -40,12 +27,25 @@ from cospeech.studies.control_adherence.measuring import (
     measure_change,
     thresholds,
 )
+from cospeech.studies.control_adherence.motions import (
+    CHANGING,
+    FREE,
+    Made,
+    make_motions,
+)
 from cospeech.studies.control_adherence.picture import SHOWN_S, Panel, plot_adherence
 from cospeech.studies.control_adherence.tables import (
     adherence_table,
     change_table,
     unit_of,
     windows_text,
+)
+from cospeech.studies.control_adherence.tested_controls import (
+    CHANGING_PERCENTS,
+    CHANGING_QUANTITIES,
+    FAST_AND_HIGH,
+    SLOW_AND_LOW,
+    TESTED_CONTROLS,
 )
 
 
@@ -86,7 +86,7 @@ def control_adherence(
         count_windows(FAST_AND_HIGH, search, made),
     )
     fps = search.database.spec.fps
-    frames = sum(len(values) for values in made.real[ASKED[0].quantity])
+    frames = sum(len(values) for values in made.real[TESTED_CONTROLS[0].quantity])
     facts = {
         "corpus": f"{store.name}, fingerprint {store.fingerprint}",
         "part": f"{split}: {len(made.names)} recordings, {frames / fps / 60:.1f} min",
@@ -123,13 +123,13 @@ def control_adherence(
 
 def _as_json(row: Adherence) -> dict[str, Any]:
     values = asdict(row)
-    asked = values.pop("asked")
-    published = asked.pop("published")
+    tested = values.pop("tested")
+    published = tested.pop("published")
     names = ("threshold", "k-NN mean", "k-NN deviation", "cGAN mean", "cGAN deviation")
     return {
-        **asked,
-        "where": row.asked.where,
-        "unit": QUANTITIES[row.asked.quantity].unit,
+        **tested,
+        "where": row.tested.where,
+        "unit": QUANTITIES[row.tested.quantity].unit,
         **values,
         "verdict": row.verdict,
         "published": dict(zip(names, published, strict=True)),
@@ -171,7 +171,7 @@ def _page(
 
 def _example(made: Made, fps: float) -> int:
     """The first recording that fills the picture, or the longest."""
-    lengths = [len(values) for values in made.real[ASKED[0].quantity]]
+    lengths = [len(values) for values in made.real[TESTED_CONTROLS[0].quantity]]
     full = [i for i, length in enumerate(lengths) if length >= SHOWN_S * fps]
     return full[0] if full else int(np.argmax(lengths))
 
@@ -186,19 +186,19 @@ def _panels(made: Made, search: MatchingSearch, example: int) -> list[Panel]:
         return 100 * thresholds(made, search, quantity, percent)[example]
 
     panels = []
-    for asked in ASKED:
-        threshold = limit(asked.quantity, asked.percent)
-        wanted = (threshold, math.inf) if asked.way > 0 else (-math.inf, threshold)
+    for tested in TESTED_CONTROLS:
+        threshold = limit(tested.quantity, tested.percent)
+        wanted = (threshold, math.inf) if tested.way > 0 else (-math.inf, threshold)
         panels.append(
             Panel(
-                f"{asked.name}: {_in_words(asked.where)}",
-                unit_of(asked.quantity),
-                curves(asked.name, asked.quantity),
-                list(curves(FREE, asked.quantity).values())[-1],
+                f"{tested.name}: {_in_words(tested.where)}",
+                unit_of(tested.quantity),
+                curves(tested.name, tested.quantity),
+                list(curves(FREE, tested.quantity).values())[-1],
                 [(0.0, math.inf, *wanted)],
             )
         )
-    middle_s = len(made.real[ASKED[0].quantity][example]) / search.database.spec.fps / 2
+    middle_s = len(made.real[TESTED_CONTROLS[0].quantity][example]) / search.database.spec.fps / 2
     for quantity in CHANGING_QUANTITIES:
         low, high = (limit(quantity, percent) for percent in CHANGING_PERCENTS)
         panels.append(

@@ -7,7 +7,6 @@ from typing import Literal
 
 from cospeech.matching.control import QUANTITIES
 from cospeech.reporting.tables import Column, format_table
-from cospeech.studies.control_adherence.asked import FAST_AND_HIGH, SLOW_AND_LOW
 from cospeech.studies.control_adherence.measuring import (
     Adherence,
     Change,
@@ -15,6 +14,7 @@ from cospeech.studies.control_adherence.measuring import (
     Spread,
     Windows,
 )
+from cospeech.studies.control_adherence.tested_controls import FAST_AND_HIGH, SLOW_AND_LOW
 
 Style = Literal["text", "markdown"]
 
@@ -24,10 +24,10 @@ def adherence_table(rows: Sequence[Adherence], style: Style) -> str:
     lines = []
     for row in rows:
         refined = "cGAN" in row.stage
-        mean, deviation = row.asked.published[3:] if refined else row.asked.published[1:3]
+        mean, deviation = row.tested.published[3:] if refined else row.tested.published[1:3]
         lines.append(
             {
-                "control": f"{row.asked.name}, {unit_of(row.asked.quantity)}",
+                "control": f"{row.tested.name}, {unit_of(row.tested.quantity)}",
                 "stage": row.stage,
                 "threshold": f"{100 * row.threshold:.1f}",
                 "real": _cell(row.real),
@@ -40,7 +40,7 @@ def adherence_table(rows: Sequence[Adherence], style: Style) -> str:
                 "verdict": row.verdict,
                 "windows": round(row.windows.mean),
                 "fewest": row.windows.fewest,
-                "paper": f"{100 * row.asked.published[0]:.1f}:"
+                "paper": f"{100 * row.tested.published[0]:.1f}:"
                 f" {100 * mean:.1f} ({100 * deviation:.1f})",
             }
         )

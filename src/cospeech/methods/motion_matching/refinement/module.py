@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from pathlib import Path
-from typing import Any, ClassVar, cast, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 import torch
@@ -103,7 +103,6 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     """
 
     needs = frozenset({"positions", "poses", "matched", "cepstra", "speakers"})
-    monitor: ClassVar[str] = "val/selection"
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ from cospeech.matching.control import Controls
 
 
 @dataclass(frozen=True)
-class Asked:
+class TestedControl:
     """A control that pushes one quantity one way (table 2).
 
     Attributes:
@@ -37,17 +37,17 @@ class Asked:
         return Controls.from_dict(self.where)
 
 
-ASKED: tuple[Asked, ...] = (
-    Asked("wrist high", "left_wrist_height", 85, 1, (0.222, 0.256, 0.034, 0.234, 0.042)),
-    Asked("wrist low", "left_wrist_height", 15, -1, (0.097, 0.085, 0.021, 0.091, 0.029)),
-    Asked("wrist fast", "left_wrist_speed", 85, 1, (0.191, 0.228, 0.120, 0.175, 0.103)),
-    Asked("wrist slow", "left_wrist_speed", 15, -1, (0.030, 0.059, 0.038, 0.054, 0.041)),
-    Asked("asymmetric", "asymmetry", 85, 1, (0.100, 0.122, 0.030, 0.104, 0.039)),
-    Asked("symmetric", "asymmetry", 15, -1, (0.0, 0.010, 0.012, 0.021, 0.020)),
+TESTED_CONTROLS: tuple[TestedControl, ...] = (
+    TestedControl("wrist high", "left_wrist_height", 85, 1, (0.222, 0.256, 0.034, 0.234, 0.042)),
+    TestedControl("wrist low", "left_wrist_height", 15, -1, (0.097, 0.085, 0.021, 0.091, 0.029)),
+    TestedControl("wrist fast", "left_wrist_speed", 85, 1, (0.191, 0.228, 0.120, 0.175, 0.103)),
+    TestedControl("wrist slow", "left_wrist_speed", 15, -1, (0.030, 0.059, 0.038, 0.054, 0.041)),
+    TestedControl("asymmetric", "asymmetry", 85, 1, (0.100, 0.122, 0.030, 0.104, 0.039)),
+    TestedControl("symmetric", "asymmetry", 15, -1, (0.0, 0.010, 0.012, 0.021, 0.020)),
 )
 """Table 2. Percentiles as the paper's section 4.1.1."""
 
-QUANTITIES: tuple[str, ...] = tuple(dict.fromkeys(asked.quantity for asked in ASKED))
+QUANTITIES: tuple[str, ...] = tuple(dict.fromkeys(tested.quantity for tested in TESTED_CONTROLS))
 """What is measured of every motion."""
 
 CHANGING_PERCENTS = (25, 75)

@@ -15,7 +15,7 @@ from cospeech.matching.tracks import MatchingTracks
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import MakesStages
 from cospeech.speech.speech import SAMPLE_RATE
-from cospeech.studies.control_adherence.asked import ASKED, QUANTITIES, changing
+from cospeech.studies.control_adherence.tested_controls import QUANTITIES, TESTED_CONTROLS, changing
 
 FREE, CHANGING = "uncontrolled", "slow and low, then fast and high"
 
@@ -32,7 +32,7 @@ class Made:
         names: Of the recordings.
         closed: For each, the sequences that its motion isn't taken from; None for none.
         real: What was recorded.
-        motions: Name of what was asked for (`FREE`, of `ASKED`, `CHANGING`) -> stage -> series.
+        motions: Name of the control (`FREE`, of `TESTED_CONTROLS`, `CHANGING`) -> stage -> series.
     """
 
     names: list[str]
@@ -68,8 +68,8 @@ def make_motions(store: Store, method: GestureMethod, split: str, seed: int) -> 
     names: list[str] = []
     closed: list[NDArray[np.int64] | None] = []
     real: Series = {quantity: [] for quantity in QUANTITIES}
-    asked = {a.name: a.controls() for a in ASKED}
-    motions: dict[str, dict[str, Series]] = {name: {} for name in (FREE, *asked, CHANGING)}
+    tested = {a.name: a.controls() for a in TESTED_CONTROLS}
+    motions: dict[str, dict[str, Series]] = {name: {} for name in (FREE, *tested, CHANGING)}
     for number, track in enumerate(tracks):
         recording = store.recordings[track.span.recording]
         names.append(recording.id)
@@ -79,7 +79,7 @@ def make_motions(store: Store, method: GestureMethod, split: str, seed: int) -> 
             real[quantity].append(measure(quantity, track.poses, tracks.pose_roles, fps))
         speech = store.speech(track.span)
         seconds = len(speech.waveform) / SAMPLE_RATE
-        wanted = {FREE: None, **asked, CHANGING: changing(seconds)}
+        wanted = {FREE: None, **tested, CHANGING: changing(seconds)}
         for name, controls in wanted.items():
             generator = torch.Generator().manual_seed(1000 * seed + number)
             made = method.stages(speech, controls, generator, recording.speaker)
