@@ -147,7 +147,7 @@ class WindowDataset:
         stops = tracks.stops[self.sequences]
         where = Places(self.recordings, self.starts_s, self.samples, stops, spec.frames, spec.fps)
         self._of_windows = {
-            field.name: field.open(store, where)
+            field.name: field.reader(store, where)
             for field in fields
             if isinstance(field, WindowField)
         }

@@ -146,10 +146,10 @@ class WindowField(Field):
     """A field that is read from the store window by window, and not a table of frames.
 
     Attributes:
-        open: What gathers the values of windows at given places.
+        reader: What gathers the values of windows at given places.
     """
 
-    open: Callable[[Store, Places], Gather]
+    reader: Callable[[Store, Places], Gather]
 
 
 FrameField = SpeechField | MotionField
