@@ -17,8 +17,8 @@ from typing import Any
 from filelock import FileLock, Timeout
 from lightning import LightningDataModule
 
-from cospeech.corpus.features import Source as FieldSource
 from cospeech.corpus.features import refuse_lacking
+from cospeech.corpus.features.field import FieldSource
 from cospeech.corpus.packing import PackedSource
 from cospeech.corpus.reading import packed_sources, sensible_workers
 from cospeech.corpus.source import Dropped, Source

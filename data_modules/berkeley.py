@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cospeech.corpus.features import Source as FieldSource
+from cospeech.corpus.features.field import FieldSource
 from cospeech.corpus.source import Source
 from cospeech.errors import ConfigError
 from cospeech.formats.berkeley.extension3d import CHUNK_SETS, find_3d_sources, list_3d_files

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cospeech.corpus.features import Source as FieldSource
+from cospeech.corpus.features.field import FieldSource
 from cospeech.corpus.source import Source
 from cospeech.formats.ted.filters import PUBLISHED_RULES
 from cospeech.formats.ted_lmdb import find_ted_sources

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cospeech.corpus.features import Source as FieldSource
+from cospeech.corpus.features.field import FieldSource
 from cospeech.corpus.source import Source
 from cospeech.formats.uci_phases import find_uci_sources
 from data_modules.base import StoreDataModule

@@ -6,14 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cospeech.corpus.features import (
-    FIELDS,
-    MotionField,
-    SpeechField,
-    WindowField,
-    refuse_lacking,
-)
+from cospeech.corpus.features import FIELDS, refuse_lacking
 from cospeech.corpus.features.acoustics import ACOUSTICS
+from cospeech.corpus.features.field import MotionField, SpeechField, WindowField
 from cospeech.corpus.features.keeping import Stretch, kept_rows
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store

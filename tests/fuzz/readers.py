@@ -277,6 +277,7 @@ READERS: dict[str, Reader] = {
 NO_READERS = {
     "foreign": "the door itself",
     "corpus.split_facts": "a store's stream, while it is built",
+    "corpus.features.keeping": "damaged arrays and descriptions in tests/corpus/test_features.py",
     "corpus.window_loader": "windows of an open store",
     "encoders": "opens kept encoders as a reader above does, and what it has just written",
     "experiment.building": "opens checkpoints as a reader above does",

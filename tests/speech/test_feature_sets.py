@@ -11,7 +11,6 @@ import soxr
 from cospeech.speech.audio import load_audio
 from cospeech.speech.band_power import htk_bands
 from cospeech.speech.feature_sets.gesticulator import frame_times, gesticulator_log_mel
-from cospeech.speech.feature_sets.interleaving import interleave
 from cospeech.speech.feature_sets.opensmile import opensmile_features, whole_frames
 from cospeech.speech.pitch import f0
 
@@ -273,36 +272,16 @@ def test_features_of_real_speech(shared):
     assert features[voiced, 0].mean() > features[~voiced, 0].mean() + 10
 
 
-# --- five sets at 20 fps --------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("frames", [0, 1, 4, 5, 1003])
-def test_five_sets_are_the_original_frame_by_frame(frames):
-    original = np.arange(frames * 3).reshape(frames, 3)
-    sets = [interleave(original, phase) for phase in range(5)]
-    rebuilt = np.full_like(original, -1)
-    for phase, part in enumerate(sets):
-        for j, row in enumerate(part):
-            rebuilt[phase + 5 * j] = row
-    np.testing.assert_array_equal(rebuilt, original)
-
-
-def test_speech_and_motion_stay_aligned_in_every_set():
+def test_speech_and_motion_stay_aligned_in_every_interleave():
     # A loud 10 ms and a hand that moves in that very frame land on one frame of one set.
     waveform = np.zeros(RATE, "f4")
     waveform[53 * 160 : 54 * 160] = sine(500, 0.01)
     features = opensmile_features(waveform, 100)
     positions = np.zeros((100, 10, 3), "f4")
     positions[53] = 1.0
-    loudest = interleave(features, 53 % 5)[:, 0].argmax()
-    moving = interleave(positions, 53 % 5)[:, 0, 0].argmax()
+    loudest = features[53 % 5 :: 5, 0].argmax()
+    moving = positions[53 % 5 :: 5, 0, 0].argmax()
     assert loudest == moving == 53 // 5
-
-
-@pytest.mark.parametrize("phase", [-1, 5])
-def test_there_are_five_sets(phase):
-    with pytest.raises(ValueError, match=f"sets 0 to 4, not {phase}"):
-        interleave(np.zeros(10), phase)
 
 
 # --- both -----------------------------------------------------------------------------------------
@@ -318,7 +297,7 @@ def test_what_is_no_waveform_is_refused(features, waveform):
 
 
 def test_no_torch_is_imported():
-    modules = "gesticulator", "opensmile", "interleaving"
+    modules = "gesticulator", "opensmile"
     imports = "; ".join(f"import cospeech.speech.feature_sets.{name}" for name in modules)
     code = f"import sys; {imports}; sys.exit('torch' in sys.modules or 'librosa' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

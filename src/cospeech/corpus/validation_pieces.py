@@ -36,30 +36,15 @@ def spans_by_pieces(store: Store, split: str, pieces: Pieces, with_sound: bool) 
     Raises:
         ConfigError: The corpus is too short for the pieces.
     """
-    usable = usable_spans(store, ("train", "val"), with_sound)
-    parts = validation_pieces(usable, pieces.seed, pieces.count, pieces.piece_s)
-    return parts[0] if split == "train" else parts[1]
-
-
-def usable_spans(store: Store, splits: Sequence[str], with_sound: bool) -> list[Span]:
-    """The annotated stretches of some splits, in order of recording and time.
-
-    Args:
-        store: The corpus.
-        splits: Names of splits.
-        with_sound: Only recordings that have sound.
-    """
     columns = store.recordings.columns
-    spans = [span for split in splits for span in store.splits[split]]
-    return sorted(
-        (
-            span
-            for span in spans
-            if columns["has_phases"][span.recording]
-            and (columns["has_audio"][span.recording] or not with_sound)
-        ),
-        key=_place,
-    )
+    usable = [
+        span
+        for span in (*store.splits["train"], *store.splits["val"])
+        if columns["has_phases"][span.recording]
+        and (columns["has_audio"][span.recording] or not with_sound)
+    ]
+    parts = validation_pieces(sorted(usable, key=_place), pieces.seed, pieces.count, pieces.piece_s)
+    return parts[0] if split == "train" else parts[1]
 
 
 def validation_pieces(

@@ -11,15 +11,13 @@ import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.features import (
-    FIELDS,
+from cospeech.corpus.features import FIELDS, fields_of, refuse_lacking
+from cospeech.corpus.features.field import (
+    FieldSource,
     FrameField,
     Places,
-    Source,
     SpeechField,
     WindowField,
-    fields_of,
-    refuse_lacking,
 )
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
@@ -149,7 +147,7 @@ class WindowDataset:
         stops = tracks.stops[self.sequences]
         where = Places(self.recordings, self.starts_s, self.samples, stops, spec.frames, spec.fps)
         self._of_windows = {
-            field.name: field.open(store, where)
+            field.name: field.reader(store, where)
             for field in fields
             if isinstance(field, WindowField)
         }
@@ -206,8 +204,8 @@ class WindowDataset:
         return spans
 
 
-def _lacks(store: Store) -> set[Source]:
-    lacks = set[Source]()
+def _lacks(store: Store) -> set[FieldSource]:
+    lacks = set[FieldSource]()
     if not store.has_upper_body:
         lacks.add("upper body")
     if store.dimensions != 3:

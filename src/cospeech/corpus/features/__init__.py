@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-import numpy as np
-
 from cospeech.corpus.features.acoustics import ACOUSTICS, ENERGY, MFCC, PITCH
 from cospeech.corpus.features.audio import AUDIO
 from cospeech.corpus.features.cepstra import CEPSTRA
-from cospeech.corpus.features.field import (
-    Axis,
-    Field,
-    FrameField,
-    MotionField,
-    Places,
-    Source,
-    SpeechField,
-    WindowField,
-)
+from cospeech.corpus.features.field import Field, FieldSource
 from cospeech.corpus.features.joints import JOINTS, PHASES, POSES, WRISTS
 from cospeech.corpus.features.mel import GESTICULATOR, TRIMODAL
 from cospeech.corpus.features.positions import POSITIONS
@@ -26,27 +15,12 @@ from cospeech.corpus.features.speakers import SPEAKERS
 from cospeech.corpus.features.words import WORDS
 from cospeech.errors import ConfigError
 
-__all__ = [
-    "FIELDS",
-    "Axis",
-    "Field",
-    "FrameField",
-    "MotionField",
-    "Places",
-    "Source",
-    "SpeechField",
-    "WindowField",
-    "fields_of",
-    "refuse_lacking",
-]
-
 MATCHED = Field(
     name="matched",
     reads="search",
     axis="method frames",
     width=None,
     unit="as poses: motion found for the same speech by a method's search",
-    dtype=np.float32,
 )
 
 FIELDS: Mapping[str, Field] = {
@@ -72,7 +46,7 @@ FIELDS: Mapping[str, Field] = {
 }
 """Every field by its name."""
 
-_LACKING: Mapping[Source, tuple[str, str]] = {
+_LACKING: Mapping[FieldSource, tuple[str, str]] = {
     "upper body": (
         "3-D positions of the upper body",
         "2-D keypoints have none, nor has a skeleton without arms: choose a 3-D corpus (for"
@@ -110,7 +84,9 @@ def fields_of(names: Iterable[str]) -> list[Field]:
     return [FIELDS[name] for name in names]
 
 
-def refuse_lacking(who: str, needs: Iterable[str], corpus: str, lacks: Iterable[Source]) -> None:
+def refuse_lacking(
+    who: str, needs: Iterable[str], corpus: str, lacks: Iterable[FieldSource]
+) -> None:
     """Refuse fields that a corpus can't fill.
 
     Args:

@@ -10,7 +10,7 @@ from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.speech.speech import SAMPLE_RATE
 
 
-def _open(store: Store, places: Places) -> Gather:
+def _reader(store: Store, places: Places) -> Gather:
     recordings, samples, length = places.recordings, places.samples, places.audio_samples
     first_rows = store.first_rows["audio"][recordings] + samples
     ends = np.rint(places.stops / EVALUATION_FPS * SAMPLE_RATE).astype(np.int64)
@@ -30,4 +30,6 @@ def _open(store: Store, places: Places) -> Gather:
     return gather
 
 
-AUDIO = WindowField(name="audio", reads="sound", axis="samples", unit="1 is full scale", open=_open)
+AUDIO = WindowField(
+    name="audio", reads="sound", axis="samples", unit="1 is full scale", reader=_reader
+)

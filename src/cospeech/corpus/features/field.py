@@ -22,7 +22,7 @@ Axis = Literal["method frames", "evaluation frames", "samples", "none"]
 """What an index along a window means: a frame at the method's rate, one at the evaluation's 15 fps,
 a sample at 16 kHz; or one value is for the whole window."""
 
-Source = Literal["sound", "words", "motion", "upper body", "phases", "speaker", "search"]
+FieldSource = Literal["sound", "words", "motion", "upper body", "phases", "speaker", "search"]
 """What of a recording a field is made from. ``"motion"`` is 3-D motion on any skeleton, ``"upper
 body"`` on one with the ten evaluation joints; ``"search"`` is no recording's."""
 
@@ -41,7 +41,7 @@ class Field:
     """
 
     name: str
-    reads: Source
+    reads: FieldSource
     axis: Axis
     unit: str
     width: int | None = 1
@@ -146,10 +146,10 @@ class WindowField(Field):
     """A field that is read from the store window by window, and not a table of frames.
 
     Attributes:
-        open: What gathers the values of windows at given places.
+        reader: What gathers the values of windows at given places.
     """
 
-    open: Callable[[Store, Places], Gather]
+    reader: Callable[[Store, Places], Gather]
 
 
 FrameField = SpeechField | MotionField

@@ -16,7 +16,7 @@ def evaluation_frames(frames: int, fps: float) -> int:
     return math.floor((frames - 1) / fps * EVALUATION_FPS + 1e-6) + 1
 
 
-def _open(store: Store, places: Places) -> Gather:
+def _reader(store: Store, places: Places) -> Gather:
     at = places.starts_s * EVALUATION_FPS
     frames = np.floor(at + 1e-6).astype(np.int64)
     weights = (at - frames).clip(min=0).astype(np.float32)
@@ -47,5 +47,5 @@ POSITIONS = WindowField(
     axis="evaluation frames",
     width=30,
     unit="metres, relative to the root, in house axes",
-    open=_open,
+    reader=_reader,
 )

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.features.field import nearest
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
-from cospeech.motion.interleaves import at_a_multiple
-from cospeech.motion.motion import Motion
+from cospeech.motion.motion import Motion, resample_positions
 from cospeech.motion.velocities import BodyJoints, body_positions
 
 
@@ -48,7 +47,9 @@ class SteppedMotion:
         return self._at_rate(body_positions(self.motion, body))
 
     def _at_rate(self, positions: NDArray[np.float32]) -> NDArray[np.float32]:
-        return at_a_multiple(positions, self.motion.fps, self.fps)[0]
+        if math.isclose(self.rate, self.motion.fps, rel_tol=1e-6):
+            return positions
+        return resample_positions(positions, self.motion.fps, self.rate)
 
 
 class SpanMotion(SteppedMotion):

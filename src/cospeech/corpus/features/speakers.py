@@ -8,7 +8,7 @@ from cospeech.corpus.features.field import Gather, Places, WindowField
 from cospeech.corpus.store import Store
 
 
-def _open(store: Store, places: Places) -> Gather:
+def _reader(store: Store, places: Places) -> Gather:
     ids = store.speaker_ids
     of_recording = [ids.get(name, 0) for name in store.recordings.columns["speaker"]]
     speakers = np.array(of_recording, dtype=np.int64)[places.recordings]
@@ -21,5 +21,5 @@ SPEAKERS = WindowField(
     axis="none",
     unit="1 to the number of training speakers, 0 for anybody else",
     dtype=np.int64,
-    open=_open,
+    reader=_reader,
 )

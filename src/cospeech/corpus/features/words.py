@@ -10,7 +10,7 @@ from cospeech.corpus.store import Store
 from cospeech.speech.vocabulary import word_frames
 
 
-def _open(store: Store, places: Places) -> Gather:
+def _reader(store: Store, places: Places) -> Gather:
     """As `frame_aligned_words` for each window, all at once."""
     first, stop = _rows_inside(store, places).T
     frames, fps = places.frames, places.fps
@@ -80,5 +80,5 @@ WORDS = WindowField(
     axis="method frames",
     unit="word id on the frame of its onset, 0 elsewhere (spec 3.7)",
     dtype=np.int64,
-    open=_open,
+    reader=_reader,
 )
