@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
 from cospeech.corpus.features import FIELDS
 
 
+@dataclass(init=False, eq=False)  # Lightning looks into dataclasses for the size of a batch
 class GestureBatch:
     """A batch of windows, with the fields that a method asked for (`cospeech.corpus.features`).
 
@@ -36,6 +39,9 @@ class GestureBatch:
         window_ids: As given.
         fields: Those that aren't None.
     """
+
+    window_ids: Tensor
+    fields: dict[str, Tensor]
 
     def __init__(self, window_ids: Tensor, **fields: Tensor | None) -> None:
         self.window_ids = window_ids
