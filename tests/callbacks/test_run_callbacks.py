@@ -171,9 +171,9 @@ def test_a_nan_loss_stops_the_run_and_names_the_windows(run):
     expected = list(loader(run, "train"))[2].window_ids.tolist()
     assert [window["window"] for window in note["windows"]] == expected
     first = note["windows"][0]
-    recording, start, _ = loader(run, "train").dataset.windows[first["window"]]
-    assert first["recording"] == run.store.recordings[recording].id
-    assert first["start_s"] == pytest.approx(start / 15)
+    windows, window = loader(run, "train").dataset, first["window"]
+    assert first["recording"] == run.store.recordings[windows.recordings[window]].id
+    assert first["start_s"] == pytest.approx(windows.firsts[window] / 15)
 
 
 def test_draws_depend_on_the_step_alone(run):
