@@ -171,10 +171,9 @@ def test_a_nan_loss_stops_the_run_and_names_the_windows(run):
     expected = list(loader(run, "train"))[2].window_ids.tolist()
     assert [window["window"] for window in note["windows"]] == expected
     first = note["windows"][0]
-    windows = loader(run, "train").dataset
-    recording, start_s = (each[first["window"]] for each in (windows.recordings, windows.starts_s))
-    assert first["recording"] == run.store.recordings[int(recording)].id
-    assert first["start_s"] == pytest.approx(start_s)
+    windows, window = loader(run, "train").dataset, first["window"]
+    assert first["recording"] == run.store.recordings[windows.recordings[window]].id
+    assert first["start_s"] == pytest.approx(windows.firsts[window] / 15)
 
 
 def test_draws_depend_on_the_step_alone(run):
@@ -240,7 +239,7 @@ def test_without_a_number_of_epochs_the_method_tells_what_is_left(run, capsys):
     class Knows(Shifted):
         """Ends by itself after fourteen steps."""
 
-        steps_left, in_last_stage = 14, True
+        steps_left = 14
 
         def training_step(self, batch, batch_idx):
             self.steps_left -= 1

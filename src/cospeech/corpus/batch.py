@@ -10,8 +10,7 @@ from torch import Tensor
 from cospeech.corpus.features import FIELDS
 
 
-# Lightning looks for a batch's size in what is a dataclass.
-@dataclass(init=False, eq=False)
+@dataclass(init=False, eq=False)  # Lightning looks into dataclasses for the size of a batch
 class GestureBatch:
     """A batch of windows, with the fields that a method asked for (`cospeech.corpus.features`).
 
