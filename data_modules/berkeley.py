@@ -64,8 +64,9 @@ class BerkeleyData(StoreDataModule):
 
     @property
     def lacks(self) -> frozenset[FieldSource]:
-        """Keypoints of a picture have no 3-D joints, and nobody has annotated phases."""
-        return frozenset({"phases"} if self.kind == "3d" else {"phases", "motion", "upper body"})
+        """Keypoints have no rotations, those of a picture are not 3-D; no phases are annotated."""
+        in_space: set[FieldSource] = set() if self.kind == "3d" else {"motion", "upper body"}
+        return frozenset({"phases", "rotations", *in_space})
 
     def find_sources(self) -> Sequence[Source]:
         """Blocks of intervals or chunks.

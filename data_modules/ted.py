@@ -36,8 +36,8 @@ class TedData(StoreDataModule):
 
     @property
     def lacks(self) -> frozenset[FieldSource]:
-        """Nobody has annotated phases."""
-        return frozenset({"phases"})
+        """Keypoints have no rotations, and nobody has annotated phases."""
+        return frozenset({"phases", "rotations"})
 
     def find_sources(self) -> Sequence[Source]:
         """One source per video, or per block of cached samples.

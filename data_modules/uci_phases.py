@@ -34,8 +34,8 @@ class UciPhasesData(StoreDataModule):
 
     @property
     def lacks(self) -> frozenset[FieldSource]:
-        """There are no shoulders or elbows, and no sound."""
-        return frozenset({"upper body", "sound"})
+        """There are no shoulders or elbows, no rotations and no sound."""
+        return frozenset({"upper body", "rotations", "sound"})
 
     def find_sources(self) -> Sequence[Source]:
         """One source per video."""

@@ -5,19 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from cospeech.corpus.features import FIELDS, refuse_lacking
 from cospeech.corpus.features.acoustics import ACOUSTICS
 from cospeech.corpus.features.field import MotionField, SpeechField, WindowField
 from cospeech.corpus.features.keeping import Stretch, kept_rows
+from cospeech.corpus.features.word_vectors import word_vectors
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.tracks import Tracks
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.motion.motion import Motion, resample_positions
-from cospeech.speech.speech import Speech
+from cospeech.motion.motion import Motion, resample_positions, resample_rotations
+from cospeech.speech.speech import Speech, Word
 from tests.corpora import make_recording
 
 OF_SPEECH = sorted(name for name, field in FIELDS.items() if isinstance(field, SpeechField))
@@ -26,6 +28,21 @@ OF_FRAMES = sorted(
 )
 SERVED = sorted(name for name, field in FIELDS.items() if field.reads != "search")
 RATES = (15.0, 20.0, 25.0, 30.0)
+
+
+class Spelled:
+    """Vectors of words by their letters, in the place of a language model's."""
+
+    version, dimensions = "spelled", 384
+
+    def vectors(self, words):
+        rows = [np.random.default_rng(list(word.text.encode())).random(384) for word in words]
+        return np.array(rows, dtype=np.float32).reshape(-1, 384)
+
+
+@pytest.fixture(autouse=True)
+def _no_language_model(monkeypatch):
+    monkeypatch.setattr("cospeech.corpus.features.word_vectors._packaged", Spelled)
 
 
 def voiced(seconds, seed, loudness=0.3):
@@ -40,10 +57,14 @@ def voiced(seconds, seed, loudness=0.3):
 def recording(name, seed, fps=60.0, seconds=8.0, loudness=0.3):
     made = make_recording(name, seconds=seconds, seed=seed, phases=True)
     positions = resample_positions(made.motion.positions, 15.0, fps)
+    times = np.arange(len(positions))[:, None, None] / fps
+    axis = np.random.default_rng(seed).standard_normal((len(made.motion.skeleton), 3))
+    turned = Rotation.from_rotvec((axis * np.sin(times)).reshape(-1, 3)).as_quat()
+    rotations = turned.reshape(len(positions), -1, 4).astype(np.float32)
     waveform = voiced(seconds, seed, loudness)
     return replace(
         made,
-        motion=Motion(made.motion.skeleton, fps, positions),
+        motion=Motion(made.motion.skeleton, fps, positions, rotations),
         phases=(np.arange(len(positions)) // 20 % 9).astype(np.int8),
         speech=Speech(waveform, made.speech.words),
     )
@@ -96,7 +117,7 @@ def test_with_motion_and_every_interleave_too(store, name):
     np.testing.assert_array_equal(first, field.of_speech(speech, 20.0, len(first)))
     second = tracks.values(name, 1)
     if field.fps is None:
-        later = Speech(speech.waveform[round(16_000 / 60) :])
+        later = speech.since(round(16_000 / 60))
         np.testing.assert_array_equal(second, field.of_speech(later, 20.0, len(second)))
     else:
         together = field.of_speech(speech, 60.0, len(first) * 3)
@@ -140,7 +161,8 @@ def test_loudness_elsewhere_shows_in_what_sees_the_whole_clip():
             FIELDS[name].of_speech(Speech(louder), 20.0)[:20],
         )
     }
-    assert changed == {name for name in OF_SPEECH if FIELDS[name].sees_whole_clip}
+    of_sound = (FIELDS[name] for name in OF_SPEECH if FIELDS[name].reads == "sound")
+    assert changed == {field.name for field in of_sound if field.sees_whole_clip}
 
 
 @pytest.mark.parametrize("name", OF_SPEECH)
@@ -180,6 +202,93 @@ def test_a_window_of_any_field_at_any_rate(store, name, fps):
             whole = windows.tracks.values(name, int(sequence))
             np.testing.assert_array_equal(
                 row, whole[first : first + spec.frames].reshape(row.shape)
+            )
+
+
+def test_every_word_has_a_frame_and_the_times_of_its_own():
+    words = (Word("one", 0.1, 0.4), Word("two", 0.41, 0.42), Word("three", 0.7, 0.95))
+    speech = Speech(np.zeros(16_000, dtype=np.float32), words)
+    field = word_vectors(Spelled())
+    values = field.of_speech(speech, 10.0)
+    one, two, three = Spelled().vectors(words)
+    silent = np.zeros(384)
+    expected = [silent, one, one, one, two, silent, silent, three, three, three]
+    np.testing.assert_array_equal(values, np.array(expected, dtype=np.float32))
+    assert not FIELDS["word_vectors"].of_speech(Speech(speech.waveform), 10.0).any()
+    later = field.of_speech(speech.since(4_000), 10.0)
+    np.testing.assert_array_equal(later[:2], [one, two])
+    assert len(speech.since(8_000).words) == 1
+
+
+def test_windows_take_word_vectors_from_the_provider_they_name(store):
+    class Lengths(Spelled):
+        version, dimensions = "lengths", 2
+
+        def vectors(self, words):
+            return np.array([[len(word.text), 1] for word in words], np.float32).reshape(-1, 2)
+
+    spec = WindowSpec(20, 40, 0, 40, word_vectors=Lengths())
+    windows = WindowDataset(store, "train", spec, frozenset({"word_vectors"}))
+    values = windows.batch([0]).word_vectors
+    assert values.shape == (1, 40, 2)
+    assert set(values[0, :, 0].tolist()) == {0, 3, 5}
+    assert (store.path / "features" / "word_vectors-lengths-20").is_dir()
+
+
+def test_rotations_of_a_rate_between_lie_on_the_shorter_arc(store):
+    """24 fps are put on 40 for two sequences of 20; SciPy's Slerp says where."""
+    tracks = Tracks(store, store.splits["test"], 20.0, [FIELDS["rotations"]], True)
+    motion = store.motion(2)
+    together = np.empty((sum(tracks.frames), *motion.rotations_local.shape[1:]))
+    for i in range(2):
+        together[i::2] = tracks.values("rotations", i)
+    times = np.arange(len(together)) / 40
+    for joint in range(len(motion.skeleton)):
+        signs = np.where(np.arange(len(motion)) % 3 == 0, -1, 1)[:, None]
+        recorded = Rotation.from_quat(motion.rotations_local[:, joint] * signs)
+        expected = Slerp(np.arange(len(motion)) / 24, recorded)(times)
+        apart = (expected.inv() * Rotation.from_quat(together[:, joint])).magnitude()
+        assert apart.max() < 1e-3
+
+
+def test_the_sign_of_a_quaternion_changes_no_rotation_between_frames():
+    quaternions = Rotation.from_rotvec([[0, 0, 0.2], [0, 0, 0.6], [0, 0, 0.6]]).as_quat()
+    quaternions[1] *= -1
+    found = Rotation.from_quat(resample_rotations(quaternions, 10.0, 20.0)).as_rotvec()
+    np.testing.assert_allclose(found[:, 2], [0.2, 0.4, 0.6, 0.6, 0.6], atol=1e-6)
+
+
+def test_recordings_without_rotations_are_left_out_or_the_corpus_is_refused(tmp_path):
+    with_them, without = recording("a", 1, seconds=4), recording("b", 2, seconds=4)
+    without = replace(
+        without, motion=Motion(without.motion.skeleton, 60.0, without.motion.positions)
+    )
+    spec = WindowSpec(20, 20, 0, 20)
+    for takes, served in (([with_them, without], {0}), ([without, without], None)):
+        takes = [replace(take, id=str(i)) for i, take in enumerate(takes)]
+        store = written(
+            tmp_path / f"{served}",
+            takes,
+            lambda frames: {
+                "train": [Span(i, 0, n) for i, n in enumerate(frames)],
+                "val": [],
+                "test": [],
+            },
+        )
+        if served is None:
+            with pytest.raises(ConfigError, match="needs rotations of the joints"):
+                WindowDataset(store, "train", spec, frozenset({"rotations"}))
+        else:
+            windows = WindowDataset(store, "train", spec, frozenset({"rotations", "root"}))
+            assert set(windows.recordings.tolist()) == served
+            batch = windows.batch(range(len(windows)))
+            first = round(windows.starts_s[1] * 60)
+            recorded = store.motion(0)
+            np.testing.assert_array_equal(
+                batch.rotations[1].numpy(), recorded.rotations_local[first : first + 60 : 3]
+            )
+            np.testing.assert_array_equal(
+                batch.root[1].numpy(), recorded.positions[first : first + 60 : 3, 0]
             )
 
 

@@ -22,10 +22,13 @@ class GestureBatch:
     * ``positions`` ``(B, E, 10, 3)``: upper-body joints, root-relative, metres, house axes.
     * ``audio`` ``(B, N)``: ``N = round(T / fps * 16000)``.
     * ``words`` ``(B, T)`` int64: word id on its onset frame, 0 elsewhere (spec 3.7).
+    * ``word_vectors`` ``(B, T, C)``: of the word that is being said, zeros between words.
     * ``speakers`` ``(B,)`` int64: 1..n_speakers, 0 for anybody else.
     * ``joints`` ``(B, T, J, 3)``: the gesturing joints, relative to the pelvis, facing +z, metres
       (`cospeech.motion.gesture_joints`); ``poses`` are these, nose and head; ``wrists`` the left
       and the right one relative to the spine.
+    * ``rotations`` ``(B, T, J, 4)``: each joint relative to its parent, unit quaternions (x, y, z,
+      w) in the order of the recorded skeleton; ``root`` ``(B, T, 3)`` where its first joint is.
     * ``matched`` ``(B, T, J, 3)``: motion found for the same speech by a search, as ``poses``.
     * ``phases`` ``(B, T)`` int64: gesture phases as indices into `cospeech.motion.phases.PHASES`.
     * ``acoustics`` ``(B, T, 27)``, ``cepstra`` ``(B, T, 28)`` and every other feature of speech

@@ -186,7 +186,7 @@ class Tracks:
         first, *others = (field.roles(self.store.skeletons[i]) for i in [0, *sorted(used - {0})])
         if different := {role for roles in others for role in set(roles) ^ set(first)}:
             raise CospeechError(
-                f"{self.store.name}: its recordings have different gesturing joints"
+                f"{self.store.name}: its recordings have different joints"
                 f" ({', '.join(sorted(different))})",
                 "prepare those with and without fingers as two corpora",
             )

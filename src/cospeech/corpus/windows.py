@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import torch
@@ -19,12 +19,14 @@ from cospeech.corpus.features.field import (
     SpeechField,
     WindowField,
 )
+from cospeech.corpus.features.word_vectors import word_vectors
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
 from cospeech.corpus.tracks import Tracks
 from cospeech.corpus.validation_pieces import Pieces, spans_by_pieces
 from cospeech.errors import CospeechError
 from cospeech.speech.speech import SAMPLE_RATE
+from cospeech.speech.text.vectors import WordVectors
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class WindowSpec:
         ahead: Frames of speech after a window that come with it; after a sequence its last.
         interleaved: Train on every sequence that the motion's own rate holds, and judge on the
             first, in windows side by side.
+        word_vectors: What the field ``word_vectors`` comes from; None: the packaged MiniLM.
         unlabelled: Where phases are needed, keep recordings without; training needs one with.
         pieces: Validate on random pieces of the training and validation recordings, and train on
             what is left; None: by the split.
@@ -54,6 +57,7 @@ class WindowSpec:
     past: int = 0
     ahead: int = 0
     interleaved: bool = False
+    word_vectors: WordVectors | None = None
     unlabelled: bool = False
     pieces: Pieces | None = None
 
@@ -118,6 +122,11 @@ class WindowDataset:
     ) -> None:
         self.store, self.split, self.spec, self.needs = store, split, spec, needs
         fields = fields_of(needs)
+        if spec.word_vectors is not None:
+            fields = [
+                word_vectors(spec.word_vectors) if field.name == "word_vectors" else field
+                for field in fields
+            ]
         refuse_lacking("the method", needs, store.name, _lacks(store))
         of_frames = [field for field in fields if isinstance(field, FrameField)]
         if tracks is None:
@@ -195,13 +204,20 @@ class WindowDataset:
             spans = spans_by_pieces(store, split, spec.pieces, with_sound="sound" in reads)
         if "sound" in reads:
             spans = store.spans_with_sound(spans, f"{split} windows")
+        if "rotations" in reads:
+            spans = self._having("rotations", spans)
         if "phases" in reads and (split == "train" or not spec.unlabelled):
-            has_phases = store.recordings.columns["has_phases"]
-            annotated = [span for span in spans if has_phases[span.recording]]
-            if spans and not annotated:
-                refuse_lacking("the method", ["phases"], f"{store.name} ({split})", ["phases"])
+            annotated = self._having("phases", spans)
             spans = spans if spec.unlabelled else annotated
         return spans
+
+    def _having(self, what: Literal["rotations", "phases"], spans: list[Span]) -> list[Span]:
+        """The spans of recordings that have it; refused where none has."""
+        column = self.store.recordings.columns[f"has_{what}"]
+        having = [span for span in spans if column[span.recording]]
+        if spans and not having:
+            refuse_lacking("the method", [what], f"{self.store.name} ({self.split})", [what])
+        return having
 
 
 def _lacks(store: Store) -> set[FieldSource]:

@@ -105,12 +105,49 @@ def resample_positions(
     Returns:
         ``(T', ..., 3)`` float32 with ``T' = floor((T - 1) / fps * new_fps) + 1``.
     """
-    count = len(positions)
-    if count == 0:
+    if len(positions) == 0:
         return np.asarray(positions, dtype=np.float32)
-    new_count = int(np.floor((count - 1) / fps * new_fps + 1e-6)) + 1
-    times = np.arange(new_count) * (fps / new_fps)
-    low = np.minimum(times.astype(np.int64), count - 1)
-    high = np.minimum(low + 1, count - 1)
-    weight = (times - low).reshape(-1, *([1] * (positions.ndim - 1)))
+    low, high, share = _neighbours(len(positions), fps, new_fps)
+    weight = share.reshape(-1, *([1] * (positions.ndim - 1)))
     return (positions[low] * (1 - weight) + positions[high] * weight).astype(np.float32)
+
+
+def resample_rotations(
+    rotations: NDArray[np.floating], fps: float, new_fps: float
+) -> NDArray[np.float32]:
+    """Rotations at another frame rate, on the shorter arc between frames at an even speed (slerp).
+
+    Args:
+        rotations: ``(T, ..., 4)`` unit quaternions (x, y, z, w) at ``fps``.
+        fps: Frame rate of ``rotations``.
+        new_fps: Frame rate wanted.
+
+    Returns:
+        ``(T', ..., 4)`` float32 unit quaternions, frames as of `resample_positions`.
+    """
+    if len(rotations) == 0:
+        return np.asarray(rotations, dtype=np.float32)
+    low, high, share = _neighbours(len(rotations), fps, new_fps)
+    weight = share.reshape(-1, *([1] * (rotations.ndim - 1)))
+    before, after = rotations[low].astype(np.float64), rotations[high].astype(np.float64)
+    cosine = (before * after).sum(axis=-1, keepdims=True)
+    after, cosine = np.where(cosine < 0, -after, after), np.abs(cosine).clip(max=1)
+    angle = np.arccos(cosine)
+    # Where both are almost the same there is no arc to divide by, and a straight line is as good.
+    sine = np.where(angle > 1e-6, np.sin(angle), 1)
+    own = np.where(angle > 1e-6, np.sin((1 - weight) * angle), 1 - weight) / sine
+    others = np.where(angle > 1e-6, np.sin(weight * angle), weight) / sine
+    between = own * before + others * after
+    return (between / np.linalg.norm(between, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def _neighbours(
+    count: int, fps: float, new_fps: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Of each new frame the frames before and after, and how far it is from one to the other."""
+    new_count = int(np.floor((count - 1) / fps * new_fps + 1e-6)) + 1
+    times = np.arange(new_count, dtype=np.float64) * (fps / new_fps)
+    low = np.minimum(times.astype(np.int64), count - 1)
+    high: NDArray[np.int64] = np.minimum(low + 1, count - 1)
+    share: NDArray[np.float64] = times - low
+    return low, high, share

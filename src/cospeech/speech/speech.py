@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,17 @@ class Speech:
     def duration(self) -> float:
         """Seconds of audio."""
         return len(self.waveform) / SAMPLE_RATE
+
+    def since(self, sample: int) -> Speech:
+        """What is left from a sample on, its clock starting there; words before it are over."""
+        words, first_s = self.words, sample / SAMPLE_RATE
+        if words is not None:
+            words = tuple(
+                replace(word, start=word.start - first_s, end=word.end - first_s)
+                for word in words
+                if word.end > first_s
+            )
+        return Speech(self.waveform[sample:], words)
 
 
 def covering_frames(samples: int, fps: float) -> int:

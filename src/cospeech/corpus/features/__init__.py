@@ -11,7 +11,9 @@ from cospeech.corpus.features.field import Field, FieldSource
 from cospeech.corpus.features.joints import JOINTS, PHASES, POSES, WRISTS
 from cospeech.corpus.features.mel import GESTICULATOR, TRIMODAL
 from cospeech.corpus.features.positions import POSITIONS
+from cospeech.corpus.features.rotations import ROOT, ROTATIONS
 from cospeech.corpus.features.speakers import SPEAKERS
+from cospeech.corpus.features.word_vectors import WORD_VECTORS
 from cospeech.corpus.features.words import WORDS
 from cospeech.errors import ConfigError
 
@@ -29,10 +31,13 @@ FIELDS: Mapping[str, Field] = {
         POSITIONS,
         AUDIO,
         WORDS,
+        WORD_VECTORS,
         SPEAKERS,
         JOINTS,
         POSES,
         WRISTS,
+        ROTATIONS,
+        ROOT,
         PHASES,
         ACOUSTICS,
         MFCC,
@@ -60,6 +65,11 @@ _LACKING: Mapping[FieldSource, tuple[str, str]] = {
     "search": (
         "motion that a search found",
         "it comes with the windows of a method that searches (model=knn_cgan)",
+    ),
+    "rotations": (
+        "rotations of the joints",
+        "they come with motion capture as BVH and with the embedded corpus: data=mocap, trinity,"
+        " genea, beat, zeggs or synthetic",
     ),
     "phases": (
         "gesture phases",

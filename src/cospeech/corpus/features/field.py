@@ -22,7 +22,9 @@ Axis = Literal["method frames", "evaluation frames", "samples", "none"]
 """What an index along a window means: a frame at the method's rate, one at the evaluation's 15 fps,
 a sample at 16 kHz; or one value is for the whole window."""
 
-FieldSource = Literal["sound", "words", "motion", "upper body", "phases", "speaker", "search"]
+FieldSource = Literal[
+    "sound", "words", "motion", "upper body", "rotations", "phases", "speaker", "search"
+]
 """What of a recording a field is made from. ``"motion"`` is 3-D motion on any skeleton, ``"upper
 body"`` on one with the ten evaluation joints; ``"search"`` is no recording's."""
 
@@ -53,7 +55,7 @@ class SpeechField(Field):
     """A field of speech with values on the method's frames, computed once per corpus and kept.
 
     Attributes:
-        version: Counted up when ``compute`` gives other values.
+        version: Counted up when ``compute`` gives other values; a name where others make them.
         fps: Its own frames per second, of which a method's frame takes the nearest; None: it is
             computed at the method's rate.
         sees_whole_clip: Whether a value depends on all of the sound, however far away.
@@ -62,7 +64,7 @@ class SpeechField(Field):
     """
 
     axis: Axis = "method frames"
-    version: int = 1
+    version: int | str = 1
     fps: float | None = None
     sees_whole_clip: bool = False
     compute: Callable[[Speech, float, int], NDArray[np.float32]]

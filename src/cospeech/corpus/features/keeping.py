@@ -26,7 +26,6 @@ from cospeech.errors import InputFileError
 from cospeech.files import replacing, write_json
 from cospeech.foreign import open_array, read_json, understood
 from cospeech.progress import progress_bar
-from cospeech.speech.speech import Speech
 
 logger = logging.getLogger(__name__)
 
@@ -53,7 +52,7 @@ class Stretch:
         """``(rows, width)`` of the field."""
         speech = store.speech(self.span)
         if self.first_sample:
-            speech = Speech(speech.waveform[self.first_sample :], speech.words)
+            speech = speech.since(self.first_sample)
         return field.compute(speech, field.fps or fps, self.frames)
 
 

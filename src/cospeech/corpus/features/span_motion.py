@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from cospeech.corpus.features.field import nearest
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import EVALUATION_FPS, Store
-from cospeech.motion.motion import Motion, resample_positions
+from cospeech.errors import CospeechError
+from cospeech.motion.motion import Motion, resample_positions, resample_rotations
 from cospeech.motion.velocities import BodyJoints, body_positions
 
 
@@ -46,8 +47,29 @@ class SteppedMotion:
         """
         return self._at_rate(body_positions(self.motion, body))
 
+    def root(self) -> NDArray[np.float32]:
+        """World positions of the root, metres: ``(frames, 3)``."""
+        return self._at_rate(self.motion.positions[:, 0])
+
+    def rotations(self) -> NDArray[np.float32]:
+        """Rotation of each joint relative to its parent: ``(frames, J, 4)`` unit quaternions.
+
+        Raises:
+            CospeechError: The motion holds positions alone.
+        """
+        rotations = self.motion.rotations_local
+        if rotations is None:
+            raise CospeechError("the motion holds positions alone, and rotations are needed")
+        if self._is_at_rate:
+            return rotations
+        return resample_rotations(rotations, self.motion.fps, self.rate)
+
+    @property
+    def _is_at_rate(self) -> bool:
+        return math.isclose(self.rate, self.motion.fps, rel_tol=1e-6)
+
     def _at_rate(self, positions: NDArray[np.float32]) -> NDArray[np.float32]:
-        if math.isclose(self.rate, self.motion.fps, rel_tol=1e-6):
+        if self._is_at_rate:
             return positions
         return resample_positions(positions, self.motion.fps, self.rate)
 

