@@ -21,6 +21,8 @@ GUARDED = {
     "foreign.py": "the door itself",
     "formats/berkeley/audio.py": "asks require_no_pipe first",
     "formats/berkeley/npz.py": "the archive comes from open_file",
+    "methods/base.py": "opens a stream of motion",
+    "methods/trimodal/module.py": "opens a stream of motion",
     "motion/bvh_rows.py": "bytes in memory",
     "motion/joint_map.py": "the package's own maps",
     "nn/weights_file.py": "asks whether it is a file first",

@@ -95,6 +95,14 @@ def _journal(path: Path) -> None:
     build.close()
 
 
+def _kept_feature(path: Path) -> None:
+    from cospeech.corpus.features.acoustics import ENERGY
+    from cospeech.corpus.features.keeping import open_kept
+
+    array, facts = (next(path.parent.glob(pattern)) for pattern in ("*.npy", "*.json"))
+    open_kept(array, facts, seeds.STRETCHES, ENERGY)
+
+
 def _product(path: Path) -> None:
     from cospeech.training.products import Products
 
@@ -231,6 +239,7 @@ READERS: dict[str, Reader] = {
         _matching_database, seeds.matching_databases, ("matching.database",)
     ),
     "pairs": Reader(_pairs, seeds.pairs, ("methods.motion_matching.refinement.pairs",)),
+    "kept feature": Reader(_kept_feature, seeds.kept_features, ("corpus.features.keeping",)),
     "product of a stage": Reader(_product, seeds.products, ("training.products",)),
     "reference rows": Reader(
         _reference_rows,
@@ -277,7 +286,6 @@ READERS: dict[str, Reader] = {
 NO_READERS = {
     "foreign": "the door itself",
     "corpus.split_facts": "a store's stream, while it is built",
-    "corpus.features.keeping": "damaged arrays and descriptions in tests/corpus/test_features.py",
     "corpus.window_loader": "windows of an open store",
     "encoders": "opens kept encoders as a reader above does, and what it has just written",
     "experiment.building": "opens checkpoints as a reader above does",
@@ -289,6 +297,7 @@ NO_READERS = {
     "formats.mocap.side_files": "opens what the readers above open",
     "methods.motion_matching.refinement.pair_windows": "windows of an open store",
     "methods.trimodal.style": "no file",
+    "speech.reading": "opens sound and transcripts as readers above do",
     "speech.espeak": "what a process of ours says",
     "speech.tts": "what a process of ours says",
 }

@@ -166,6 +166,22 @@ def pairs(folder: Path) -> list[Path]:
     return sorted((folder / "pairs").iterdir())
 
 
+STRETCHES = [[0, 0, 150, 0, 0]]
+
+
+def kept_features(folder: Path) -> list[Path]:
+    from cospeech.corpus.features.acoustics import ENERGY
+    from cospeech.corpus.features.keeping import Stretch, kept_rows
+    from cospeech.corpus.splits import Span
+    from tests.corpora import make_recording
+
+    shutil.rmtree(folder / "made", ignore_errors=True)
+    store = _corpus(folder, make_recording("heard"))
+    kept_rows(store, ENERGY, 20.0, [Stretch(Span(*STRETCHES[0][:3]))], "energy")
+    kept = store.path / "features" / "energy-1"
+    return [next(kept.glob("*.npy")), next(kept.glob("*.json"))]
+
+
 PRODUCT_KEY = "ab" * 32
 
 

@@ -87,14 +87,14 @@ def kept_rows(
     with FileLock(str(folder / f".{digest}.lock")):
         if facts.is_file():
             try:
-                return _open(array, facts, asked, field)
+                return open_kept(array, facts, asked, field)
             except InputFileError as error:
                 logger.warning("%s: %s; it is computed again", error.path, error.problem)
         blocks = (stretch.values(store, field, fps) for stretch in stretches)
         rows = _write(array, progress_bar(blocks, len(stretches), title), field.width or 0)
         # Last: what has no description was never finished.
         write_json(facts, {"stretches": asked, "rows": rows, "unit": field.unit})
-        return _open(array, facts, asked, field)
+        return open_kept(array, facts, asked, field)
 
 
 def _write(path: Path, blocks: Iterator[NDArray[np.float32]], width: int) -> list[int]:
@@ -118,10 +118,19 @@ def _write_header(file: Any, rows: int, width: int) -> None:
     np.lib.format.write_array_header_1_0(file, described)
 
 
-def _open(
+def open_kept(
     array: Path, facts: Path, asked: list[list[int]], field: SpeechField
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Open what is kept.
+
+    Args:
+        array: The rows.
+        facts: What is said of them.
+        asked: Recording, first and last frame, first sample and rows wanted of every stretch.
+        field: The feature.
+
+    Returns:
+        As `kept_rows`.
 
     Raises:
         InputFileError: It is damaged, or of something else.
