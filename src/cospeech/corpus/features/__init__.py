@@ -108,9 +108,13 @@ def refuse_lacking(
     Raises:
         ConfigError: One can't be filled, with what would help, or is no field.
     """
-    for field in fields_of(needs):
-        if field.reads in lacks:
-            lacking, hint = _LACKING[field.reads]
-            raise ConfigError(
-                f"{who} needs {lacking} (the field {field.name}), and {corpus} has none", hint
-            )
+    fields, lacks = fields_of(needs), set(lacks)
+    lacking, hints = list[str](), list[str]()
+    for source in (source for source in _LACKING if source in lacks):
+        if names := [field.name for field in fields if field.reads == source]:
+            what, hint = _LACKING[source]
+            lacking.append(f"{what} (the field {', '.join(names)})")
+            hints.append(hint)
+    if lacking:
+        told = " and ".join(lacking)
+        raise ConfigError(f"{who} needs {told}, and {corpus} has none", "; ".join(hints))
