@@ -374,7 +374,7 @@ def test_what_a_corpus_cannot_fill_is_refused_by_name():
         refuse_lacking("m", ["words", "acoustics"], "c", {"sound"})
     assert "corpus with audio" in e.value.hint
     refuse_lacking("m", ["words", "speakers"], "c", {"sound", "phases", "motion", "upper body"})
-    with pytest.raises(ConfigError, match="upper body .the field joints, positions. and sound"):
+    with pytest.raises(ConfigError, match=r"upper body \(the field joints, positions\) and sound"):
         refuse_lacking("m", ["positions", "audio", "joints"], "c", {"sound", "upper body"})
     with pytest.raises(ConfigError, match="no batch field gaze; there are positions, audio"):
         refuse_lacking("m", ["gaze"], "c", set())
