@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from cospeech.corpus.features import FIELDS, refuse_lacking
 from cospeech.corpus.features.acoustics import ACOUSTICS
-from cospeech.corpus.features.field import MotionField, SpeechField, WindowField
+from cospeech.corpus.features.field import FieldSource, MotionField, SpeechField, WindowField
 from cospeech.corpus.features.keeping import Stretch, kept_rows
 from cospeech.corpus.features.word_vectors import word_vectors
 from cospeech.corpus.splits import Span
@@ -393,6 +394,14 @@ def test_a_batch_says_which_fields_were_declared(store):
     assert batch.pitch is None
     with pytest.raises(AttributeError, match="no batch field gaze"):
         _ = batch.gaze
+
+
+@pytest.mark.parametrize("source", get_args(FieldSource))
+def test_whatever_a_corpus_lacks_has_a_name_and_a_way_out(source):
+    needs = [name for name, field in FIELDS.items() if field.reads == source]
+    with pytest.raises(ConfigError, match=rf"m needs .*\(the field {needs[0]}") as caught:
+        refuse_lacking("m", needs[:1], "c", {source})
+    assert caught.value.hint
 
 
 def test_the_catalogue_names_every_axis():

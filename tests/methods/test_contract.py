@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from cospeech.methods.capabilities import FittedWithoutSteps, TakesControls
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames
-from tests.corpora import make_recording, make_store
+from tests.corpora import REST_POSE, make_recording, make_store
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 MODELS = sorted(path.stem for path in (CONF / "model").glob("*.yaml"))
@@ -35,11 +36,26 @@ def model_config(name: str):
         return compose("train", overrides=overrides).model
 
 
+def turning(recording):
+    """The same with joints that turn a little about an axis of their own, on bones at rest."""
+    parents = np.maximum(UPPER_BODY.parents, 0)
+    skeleton = replace(UPPER_BODY, offsets=REST_POSE - REST_POSE[parents])
+    motion = recording.motion
+    angles = 0.05 * np.sin(np.arange(len(motion)) / 15)[:, None] * (1 + np.arange(len(skeleton)))
+    rotations = np.zeros((len(motion), len(skeleton), 4), dtype=np.float32)
+    rotations[..., 1], rotations[..., 3] = np.sin(angles / 2), np.cos(angles / 2)
+    return replace(recording, motion=Motion(skeleton, motion.fps, motion.positions, rotations))
+
+
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """Six recordings long enough for runs of windows, without fingers, with phases."""
+    """Six recordings long enough for runs of windows, without fingers, with phases and rotations."""
     recordings = [
-        make_recording(f"take{i}", speaker=("ada", "ben")[i % 2], seconds=24, seed=i, phases=True)
+        turning(
+            make_recording(
+                f"take{i}", speaker=("ada", "ben")[i % 2], seconds=24, seed=i, phases=True
+            )
+        )
         for i in range(6)
     ]
     return make_store(tmp_path_factory.mktemp("store"), recordings)
@@ -284,3 +300,15 @@ def test_frames_depend_on_no_sound_beyond_the_declared_look_ahead(method, store)
         changed_from(method, speech, frame / fps + nearly_s)[: frame + 1].any()
         for frame in first_frames
     ), "it says that it looks further ahead than it does"
+
+
+def test_a_stream_takes_samples_of_its_kind_and_ends_once(method):
+    for samples in (np.zeros(800, np.int16), np.zeros((800, 1), np.float32), [0.0] * 800):
+        with pytest.raises(CospeechError, match="float32"):
+            method.open().push(samples)
+    stream = method.open()
+    stream.push(np.zeros(8000, np.float32))
+    stream.finish()
+    for again in (stream.finish, lambda: stream.push(np.zeros(800, np.float32))):
+        with pytest.raises(CospeechError, match="has been finished"):
+            again()

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import torch
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.speech.speech import Word
@@ -55,7 +56,6 @@ def test_without_the_extra_the_error_says_what_to_install(monkeypatch):
 def tiny(tmp_path_factory):
     """A random BERT of two layers whose words are letters and a few wholes."""
     pytest.importorskip("transformers")
-    import torch
     from transformers import BertConfig, BertModel, BertTokenizerFast
 
     folder = tmp_path_factory.mktemp("tiny")
@@ -74,7 +74,6 @@ def tiny(tmp_path_factory):
 
 @pytest.mark.slow  # the import alone takes seconds
 def test_a_words_vector_is_the_mean_of_its_pieces(tiny):
-    import torch
     from transformers import AutoModel, AutoTokenizer
 
     provider = ContextualVectors(tiny)
@@ -99,6 +98,14 @@ def test_long_transcripts_and_long_words_have_all_their_vectors(tiny):
     np.testing.assert_array_equal(found, provider.vectors(words))
     assert (np.abs(found).sum(axis=1) > 0).all()
     np.testing.assert_array_equal(found[:2], provider.vectors(words[:60])[:2])
+
+
+@pytest.mark.slow  # the import alone takes seconds
+def test_a_model_that_is_built_without_memory_has_vectors_all_the_same(tiny):
+    words = [Word("hello", 0.0, 0.4)]
+    with torch.device("meta"):
+        built = ContextualVectors(tiny)
+    np.testing.assert_array_equal(built.vectors(words), ContextualVectors(tiny).vectors(words))
 
 
 @pytest.mark.slow  # the import alone takes seconds

@@ -40,7 +40,7 @@ def placeholder_facts() -> CorpusFacts:
         "speakers": ["speaker"],
         "mean_direction": [0.0, 1.0, 0.0] * bones,
         "bone_lengths": [0.25] * bones,
-        "skeleton": UPPER_BODY.to_dict(),
+        "skeleton": {**UPPER_BODY.to_dict(), "offsets": [[0.0, 0.25, 0.0]] * len(UPPER_BODY)},
         "fingerprint": "",
         "store": "",
     }

@@ -29,6 +29,7 @@ class Stream(ABC):
 
     def __init__(self, look_ahead_s: float, delay_s: float) -> None:
         self.look_ahead_s, self.delay_s = look_ahead_s, delay_s
+        self._is_used_up = False
 
     @torch.no_grad()
     def push(
@@ -45,8 +46,16 @@ class Stream(ABC):
             The next frames; None where none can be made yet.
 
         Raises:
-            CospeechError: The sound holds NaN, or the method refuses it.
+            CospeechError: The sound isn't such, holds NaN, or the method refuses it; or the stream
+                is used up.
         """
+        if self._is_used_up:
+            raise CospeechError("this stream has been finished", "open another one")
+        if np.ndim(samples) != 1 or np.asarray(samples).dtype != np.float32:
+            raise CospeechError(
+                "samples must be (N,) float32 in [-1, 1] at 16 kHz",
+                "cospeech.read_speech reads any sound file so",
+            )
         if not np.isfinite(samples).all():
             raise CospeechError("the waveform holds NaN or infinity", "check the audio file")
         motion = self._hear(samples, words)
@@ -54,7 +63,14 @@ class Stream(ABC):
 
     @torch.no_grad()
     def finish(self) -> Motion:
-        """The frames that are left up to the end of the sound; the stream is used up."""
+        """The frames that are left up to the end of the sound; the stream is used up.
+
+        Raises:
+            CospeechError: It is used up already.
+        """
+        if self._is_used_up:
+            raise CospeechError("this stream has been finished", "open another one")
+        self._is_used_up = True
         return self._end()
 
     @abstractmethod

@@ -62,6 +62,8 @@ _LACKING: Mapping[FieldSource, tuple[str, str]] = {
         "2-D keypoints have none: choose a 3-D corpus (for Berkeley data.kind=3d)",
     ),
     "sound": ("sound", "use a corpus with audio, or a method that reads none"),
+    "words": ("words", "use a corpus with transcripts, or a method that reads none"),
+    "speaker": ("speakers", "use a corpus that says who speaks, or a method that doesn't ask"),
     "search": (
         "motion that a search found",
         "it comes with the windows of a method that searches (model=knn_cgan)",

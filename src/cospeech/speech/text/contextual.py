@@ -141,9 +141,15 @@ def _load(name: str) -> tuple[Any, Any]:
     hint = "give the folder or the name of an encoder such as BERT, with model.safetensors"
     try:
         tokenizer = AutoTokenizer.from_pretrained(name, add_prefix_space=True, **settings)
-        network, loading = AutoModel.from_pretrained(
-            name, use_safetensors=True, output_loading_info=True, dtype=torch.float32, **settings
-        )
+        # A method that holds one may be built without memory before its weights are read.
+        with torch.device("cpu"):
+            network, loading = AutoModel.from_pretrained(
+                name,
+                use_safetensors=True,
+                output_loading_info=True,
+                dtype=torch.float32,
+                **settings,
+            )
     except Exception as error:  # whatever a foreign folder brings about inside the library
         problem = f"no model that can be read: {str(error).strip().splitlines()[0]:.200}"
         raise InputFileError(Path(name), problem, hint=hint) from error
