@@ -44,7 +44,7 @@ test: $(DEV)
 	$(BIN)/python -m pytest -m "not slow" -n 2 -q
 
 slow: $(DEV)
-	$(BIN)/python -m pytest -m slow -n 2 -q
+	$(BIN)/python -m pytest -m slow -q
 
 lint: $(DEV)
 	$(BIN)/ruff check .

@@ -49,7 +49,7 @@ def turning(recording):
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """Six recordings long enough for runs of windows, without fingers, with phases and rotations."""
+    """Six recordings long enough for runs of windows, with phases and rotations, no fingers."""
     recordings = [
         turning(
             make_recording(
