@@ -1,6 +1,5 @@
 """What each step of the trimodal training may move, and what its loss is made of."""
 
-from dataclasses import replace
 
 import pytest
 import torch
@@ -163,6 +162,6 @@ def test_it_learns_four_windows_by_heart():
     method.epochs = (0,)
     batch = small_batch()
     smooth = torch.cumsum(0.05 * torch.randn(4, 34, 10, 3), dim=1) + torch.randn(4, 1, 10, 3)
-    train(method, replace(batch, positions=smooth), steps=150)
+    train(method, batch.having(positions=smooth), steps=150)
     first, last = method.steps[0]["train/huber"], method.steps[-1]["train/huber"]
     assert last < first / 4
