@@ -118,7 +118,7 @@ def test_every_folder_of_real_motion_is_trained_on(folder, shared, tmp_path):
     ("data", "write", "why"),
     [
         ("berkeley", lambda root: write_2d(root, frames=80, intervals=3), "2-D keypoints"),
-        ("uci_phases", uci, "too few joints"),
+        ("uci_phases", uci, "a skeleton without arms"),
     ],
     ids=["berkeley", "uci_phases"],
 )
