@@ -1,6 +1,5 @@
 """What each step of the trimodal training may move, and what its loss is made of."""
 
-
 import pytest
 import torch
 
