@@ -7,8 +7,10 @@ from types import SimpleNamespace
 import pytest
 import torch
 from filelock import FileLock
+from lightning import LightningModule
 
 from cospeech.corpus.facts import placeholder_facts
+from cospeech.corpus.features import FIELDS
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.experiment import run, training
@@ -177,6 +179,7 @@ def test_a_run_whose_training_has_ended_goes_on_behind_it(
         ("model=trimodal model.layers=0", "layers=0: must be from 1"),
         ("model=multi_adversary +model.adversaries.phases.weight=1", "phases"),
         ("model=knn model.k=0", "model.k=0: must be at least 1"),
+        ("model=multi_adversary data=ted data.root=x", r"gesture phases \(the field phases\)"),
     ],
 )
 def test_a_setting_of_the_method_is_checked_before_the_corpus_is_prepared(
@@ -197,4 +200,6 @@ def test_a_setting_of_the_method_is_checked_before_the_corpus_is_prepared(
 @pytest.mark.parametrize("name", [path.stem for path in (CONF / "model").glob("*.yaml")])
 def test_every_model_can_be_built_without_a_corpus(name):
     with command("train", f"model={name}") as cfg:
-        build(cfg.model, corpus=placeholder_facts())
+        built = build(cfg.model, corpus=placeholder_facts())
+    assert isinstance(built, LightningModule)
+    assert built.needs <= FIELDS.keys()

@@ -47,6 +47,9 @@ class GestureBatch:
     fields: dict[str, Tensor]
 
     def __init__(self, window_ids: Tensor, **fields: Tensor | None) -> None:
+        # Or `dataclasses.replace` would put all fields into one that is called "fields".
+        if unknown := fields.keys() - FIELDS.keys():
+            raise AttributeError(f"no batch field {', '.join(unknown)}; see GestureBatch.having")
         self.window_ids = window_ids
         self.fields = {name: value for name, value in fields.items() if value is not None}
 

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import lightning
 from filelock import FileLock, Timeout
-from hydra.utils import get_class, instantiate
+from hydra.utils import instantiate
 from lightning import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import Logger
@@ -150,10 +150,8 @@ def _lost_peer(error: BaseException) -> CospeechError | None:
 
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     data = build(cfg.data)
-    method = cast(type[GestureMethod], get_class(cfg.model._target_))
-    data.refuse_impossible(cfg.choices.model, method.needs)
     # What is wrong with the settings is found before anything slow begins, of any corpus ...
-    build(cfg.model, corpus=placeholder_facts())
+    data.refuse_impossible(cfg.choices.model, build(cfg.model, corpus=placeholder_facts()).needs)
     lightning.seed_everything(cfg.seed, verbose=False)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
