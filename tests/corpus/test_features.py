@@ -395,7 +395,7 @@ def test_a_batch_says_which_fields_were_declared(store):
     with pytest.raises(AttributeError, match="no batch field gaze"):
         _ = batch.gaze
     assert batch.having(pitch=batch.energy).pitch is batch.energy
-    with pytest.raises(AttributeError, match="no batch field fields; see GestureBatch.having"):
+    with pytest.raises(AttributeError, match=r"no batch field fields; see GestureBatch\.having"):
         replace(batch, pitch=batch.energy)
 
 
