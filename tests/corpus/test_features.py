@@ -1,5 +1,6 @@
 """What every field of the catalogue must do, whatever it is; a new one is found by being there."""
 
+import json
 import logging
 from dataclasses import replace
 from typing import get_args
@@ -17,6 +18,7 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.tracks import Tracks
+from cospeech.corpus.window_loader import open_windows
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.motion import Motion, resample_positions, resample_rotations
@@ -293,6 +295,22 @@ def test_recordings_without_rotations_are_left_out_or_the_corpus_is_refused(tmp_
             )
 
 
+def test_judging_keeps_the_stride_of_a_method_that_interleaves_nothing(store):
+    """Or the published windows would be judged on a third of their number."""
+    plain = WindowSpec(15, 34, 4, 10, run=2)
+    interleaved = replace(plain, interleaved=True)
+    for split in ("train", "val", "test"):
+        assert plain.of_split(split) == plain
+    assert interleaved.of_split("train") == interleaved
+    for split in ("val", "test"):
+        assert interleaved.of_split(split) == WindowSpec(15, 34, 4, stride=34)
+
+    class Reader:
+        window, needs = plain, frozenset({"positions"})
+
+    assert open_windows(store, "test", Reader()).spec == plain
+
+
 def test_speech_comes_with_context_and_motion_without(store):
     spec = WindowSpec(20, 30, 0, 30, past=5, ahead=8)
     windows = WindowDataset(store, "val", spec, frozenset({"energy", "joints"}))
@@ -352,6 +370,9 @@ def test_a_feature_is_computed_once_and_again_where_it_is_damaged(tmp_path, capl
         array: [good[array][:-40], b"", good[array][:300].replace(b"27", b"26"), b"\x80\x04."],
         facts: [b"{}", b"[1", good[facts].replace(b"199", b"198"), b"[" * 100_000],
     }
+    of_another = json.loads(good[facts])
+    of_another["stretches"].reverse()
+    damages[facts].append(json.dumps(of_another).encode())
     for path, contents in damages.items():
         for content in contents:
             path.write_bytes(content)
