@@ -142,3 +142,13 @@ def test_a_killed_run_goes_on_where_it_stood_whatever_the_folder_holds(tmp_path,
 def test_too_few_epochs_are_said_at_the_start(caplog):
     fit(TwoStages(None), epochs=2)
     assert "2 epochs hold 4 more steps, and the stages need 5 or more" in caplog.text
+
+
+def test_what_a_product_took_the_place_of_is_not_done_by_a_resumed_run(tmp_path):
+    killed = TwoStages(None)
+    killed.done = frozenset({"offset"})
+    fit(killed, epochs=1).save_checkpoint(tmp_path / "a.ckpt")
+    resumed = TwoStages(None)
+    fit(resumed, checkpoint=tmp_path / "a.ckpt")
+    assert killed.stages + resumed.stages == ["slope"] * 3
+    assert (resumed.done, resumed.steps_left) == ({"offset"}, 0)
