@@ -239,7 +239,7 @@ def test_without_a_number_of_epochs_the_method_tells_what_is_left(run, capsys):
     class Knows(Shifted):
         """Ends by itself after fourteen steps."""
 
-        steps_left = 14
+        steps_left, in_last_stage = 14, True
 
         def training_step(self, batch, batch_idx):
             self.steps_left -= 1

@@ -97,6 +97,14 @@ def test_the_best_weights_are_judged_and_ok_is_said_when_all_is_recorded(outputs
         assert references
 
 
+def test_the_objective_is_the_lowest_of_the_value_that_selects(outputs):
+    trained(outputs, "training.epochs=3", "model.learning_rate=0.02")
+    record = record_of(outputs)
+    selecting = [epoch["val/fgd"] for epoch in record["epochs"]]
+    assert len(set(selecting)) == 3
+    assert record["objective"] == pytest.approx(min(selecting))
+
+
 def test_a_folder_that_another_process_is_at_work_in_is_left_alone(outputs):
     folder = outputs.folder / "run"
     folder.mkdir()
