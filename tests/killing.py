@@ -70,7 +70,7 @@ def killed_writing(
             yield started, known
     finally:
         process.stdin.close()
-        process.wait(timeout=60)
+        process.wait(timeout=300)
 
 
 def _heard(line: str, child: int | None, known: int) -> tuple[int | None, int]:

@@ -49,7 +49,7 @@ def test_ctrl_c_while_a_command_imports_what_it_needs_is_one_line(command, impor
         cwd=Path(__file__).parents[1],
         env={**os.environ, "PYTHONPATH": ":".join([str(tmp_path), *filter(None, sys.path)])},
         capture_output=True,
-        timeout=60,
+        timeout=300,
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"\nstopped\n")
 
@@ -63,7 +63,7 @@ def test_ctrl_c_raises_again_once_there_is_something_to_keep():
         "signal.signal(signal.SIGINT, signal.SIG_IGN)\nstop_at_once()\n"
         "print(signal.getsignal(signal.SIGINT) is signal.SIG_IGN)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=300)
     assert done.stdout.split() == [b"False", b"True", b"True", b"True"]
 
 
@@ -82,7 +82,7 @@ def test_a_reader_that_leaves_is_no_error():
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
-        [sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE, timeout=60
+        [sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE, timeout=300
     )
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -97,7 +97,7 @@ def test_output_that_is_lost_on_a_full_disk_is_an_error():
     )
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
-            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, timeout=60
+            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, timeout=300
         )
     assert (done.returncode, done.stderr) == (2, b"b\nerror: stdout: No space left on device\n")
 
@@ -121,7 +121,7 @@ def test_a_missing_argument_or_folder_is_no_traceback(tmp_path, arguments):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode in (1, 2)
     assert "error: " in done.stderr

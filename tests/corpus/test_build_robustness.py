@@ -106,7 +106,7 @@ def test_readers_end_with_a_parent_that_was_killed(tmp_path):
     assert wait_for(lambda: not any(running(pid) for pid in pids))
 
 
-def wait_for(condition, seconds=40):
+def wait_for(condition, seconds=200):
     end = time.monotonic() + seconds
     while time.monotonic() < end and not condition():
         time.sleep(0.1)

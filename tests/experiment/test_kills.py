@@ -284,8 +284,8 @@ def test_of_two_processes_the_other_ends_and_the_run_goes_on(killed, tmp_path):
         folder = wait_until(epochs_done(tmp_path, 1), process, "no epoch")
         (second,) = processes_below(process.pid)
         os.kill(process.pid if killed == "first" else second, signal.SIGKILL)
-        output, _ = process.communicate(timeout=60)
-        deadline = time.monotonic() + 60
+        output, _ = process.communicate(timeout=PATIENCE)
+        deadline = time.monotonic() + PATIENCE
         while is_alive(second) and time.monotonic() < deadline:
             time.sleep(0.1)
         assert not is_alive(second)

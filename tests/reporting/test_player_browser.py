@@ -72,7 +72,7 @@ class Opened:
     def js(self, expression):
         return self.page.evaluate(expression)
 
-    def wait(self, condition, seconds=10):
+    def wait(self, condition, seconds=60):
         """Like wait_for_function, which the page's policy against evaluated strings forbids."""
         end = time.monotonic() + seconds
         while not self.js(condition):
@@ -82,7 +82,10 @@ class Opened:
     def show(self, at):
         self.js(f"cospeechPlayer.seek({at})")
         self.wait(f"Math.abs(cospeechPlayer.shownTime - {at}) < 1e-4")
-        # the picture of that time is on screen after the next frame
+        self.refresh()
+
+    def refresh(self):
+        """Wait until what the page knows by now is on screen."""
         self.js("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def pixels(self):
@@ -192,31 +195,36 @@ def test_nothing_is_asked_of_the_network_and_nothing_complains(opened, page_path
     opened.page.keyboard.press("d")
     opened.page.select_option("#clip", "1")
     opened.wait("cospeechPlayer.tracks.length === 1")
-    opened.page.wait_for_timeout(200)
+    opened.refresh()
     assert opened.problems == []
     outside = [u for u in opened.requests if u != page_path.as_uri() and not u.startswith("blob:")]
     assert outside == []
 
 
 def test_motion_follows_the_sound(opened):
+    """What a refresh shows is the sound's time between the moments before and after it, on a
+    machine of any speed."""
     opened.page.click("#play")
     opened.wait("cospeechPlayer.playing && cospeechPlayer.time > 0")
     samples = opened.js(
         """async () => {
-          const start = performance.now(), seen = [];
-          while (performance.now() - start < 1000) {
+          const seen = [], end = performance.now() + 60000;
+          while (seen.length < 10 || seen.at(-1)[2] - seen[0][2] < 0.6) {
+            if (!cospeechPlayer.playing || performance.now() > end) break;
+            const before = cospeechPlayer.time;
             await new Promise(done => requestAnimationFrame(done));
             // after the page's own callback of this refresh
             await new Promise(done => setTimeout(done));
-            seen.push([cospeechPlayer.time, cospeechPlayer.shownTime, cospeechPlayer.frame]);
+            const { shownTime, frame } = cospeechPlayer;
+            seen.push([before, shownTime, cospeechPlayer.time, frame]);
           }
           return seen;
         }"""
     )
-    sound, shown, frame = np.array(samples).T
-    assert len(sound) > 5
-    assert sound[-1] - sound[0] > 0.6  # a second of wall clock at normal speed
-    assert np.abs(sound - shown).max() < 1 / FPS
+    before, shown, after, frame = np.array(samples).T
+    assert after[-1] - after[0] >= 0.6
+    assert (before <= shown).all()
+    assert (shown <= after).all()
     np.testing.assert_array_equal(frame, np.floor(shown * FPS + 1e-3))
     opened.page.keyboard.press(" ")
     assert opened.js("cospeechPlayer.playing") is False
@@ -256,7 +264,7 @@ def test_orbiting_turns_both_figures(opened):
     opened.page.mouse.down()
     opened.page.mouse.move(box["x"] + 300 + 392, box["y"] + 150, steps=6)  # 180 degrees
     opened.page.mouse.up()
-    opened.page.wait_for_timeout(200)
+    opened.refresh()
     after = opened.pixels()
     half = before.shape[1] // 2
     for left, right in ((0, half), (half, 2 * half)):
