@@ -58,13 +58,21 @@ class EvaluateFGD(Callback):
     def _update(self, outputs: Any, batch: GestureBatch) -> None:
         if not self._metrics:
             return
+        positions = batch.require("positions")
+        if outputs.shape != positions.shape:
+            raise CospeechError(
+                f"the method samples {tuple(outputs.shape)} where its windows hold positions"
+                f" {tuple(positions.shape)}, at 15 fps",
+                "sample gives evaluation frames: cospeech.corpus.features.positions has"
+                " at_evaluation_rate",
+            )
         generated = cut_windows(outputs)
         if not generated.isfinite().all():
             raise CospeechError(
                 "the method generates NaN or infinite positions: its weights are damaged",
                 "look at the losses of the last epochs; the last checkpoint may still be good",
             )
-        real = cut_windows(batch.require("positions"))
+        real = cut_windows(positions)
         if not self._real_is_known:
             self._metrics["fgd"].update(real, real=True)
         self._metrics["fgd"].update(generated, real=False)

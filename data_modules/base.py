@@ -87,6 +87,7 @@ class StoreDataModule(LightningDataModule):
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._reader: WindowReader | None = None
+        self._judged = frozenset[str]()
         self._datasets: dict[str, ServesWindows] = {}
 
     @property
@@ -257,9 +258,14 @@ class StoreDataModule(LightningDataModule):
 
     # Windows -------------------------------------------------------------------------------
 
-    def attach(self, method: WindowReader) -> None:
-        """Serve the windows that a method works on."""
-        self._reader = method
+    def attach(self, method: WindowReader, judged: frozenset[str] = frozenset()) -> None:
+        """Serve the windows that a method works on.
+
+        Args:
+            method: It.
+            judged: Names of the fields that its judges read of validation and test windows.
+        """
+        self._reader, self._judged = method, judged
         self._datasets = {}
 
     @property
@@ -272,7 +278,9 @@ class StoreDataModule(LightningDataModule):
         if self._reader is None:
             raise RuntimeError("call attach(method) before asking for windows")
         if split not in self._datasets:
-            self._datasets[split] = open_windows(self.prepare_store(), split, self._reader)
+            self._datasets[split] = open_windows(
+                self.prepare_store(), split, self._reader, self._judged
+            )
         return self._datasets[split]
 
     def _loader(self, split: str, shuffle: bool) -> WindowLoader:

@@ -183,6 +183,16 @@ def test_batches_have_the_fields_that_were_asked_for(corpus, store, reader):
             assert batch.audio.abs().max() <= 1
 
 
+def test_what_judges_read_is_in_what_is_judged_alone(corpus, store):
+    if not store.has_upper_body:
+        return
+    module = corpus.module()
+    module.attach(StepReader("root"), frozenset({"positions"}))
+    fields = {split: set(module.dataset(split).batch([0]).fields) for split in SPLITS}
+    assert fields["train"] == {"root"}
+    assert fields["val"] == fields["test"] == {"root", "positions"}
+
+
 def test_what_can_not_be_filled_is_refused_before_anything_is_prepared(corpus, tmp_path):
     module = corpus.module()
     module.store_dir = str(tmp_path)

@@ -17,6 +17,7 @@ from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import CospeechError
+from cospeech.experiment.judgeable import judged_fields
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import FittedWithoutSteps, TakesControls
 from cospeech.motion.motion import Motion
@@ -67,7 +68,7 @@ def build(name: str, store):
 
 
 def loader(model, store, split="train"):
-    dataset = open_windows(store, split, model)
+    dataset = open_windows(store, split, model, judged_fields(model))
     runs = 8 // dataset.spec.run
     return WindowLoader(dataset, runs, seed=0, shuffle=split == "train", drop_last=True)
 

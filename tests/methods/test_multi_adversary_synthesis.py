@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from cospeech.corpus.features.acoustics import ACOUSTICS
+from cospeech.corpus.features.positions import at_evaluation_rate
+from cospeech.corpus.window_loader import open_windows
 from cospeech.errors import CospeechError
 from cospeech.methods.multi_adversary.synthesis import (
-    at_evaluation_rate,
     evaluation_joints,
     gesture_skeleton,
     head_offsets,
@@ -42,7 +43,7 @@ def speech(seconds: float, seed: int = 0) -> Speech:
 
 def test_the_ten_joints_are_the_stored_upper_body_but_for_the_head(store, method):
     """Real joints, taken to the evaluation's space, against the store's own upper body."""
-    batch = next(iter(runs.loader(method, store, "val")))
+    batch = open_windows(store, "val", method, frozenset({"positions"})).batch(range(4))
     upper_body = evaluation_joints(batch.joints, method.layout, method.head)
     found = at_evaluation_rate(upper_body, 20.0)
     assert found.shape == batch.positions.shape == (len(batch), 75, 10, 3)

@@ -151,22 +151,26 @@ class WindowReader(Protocol):
 class OpensWindows(Protocol):
     """A reader of more than a corpus holds, which adds it to the windows itself."""
 
-    def windows(self, store: Store, split: str) -> ServesWindows:
-        """The windows of one split."""
+    def windows(self, store: Store, split: str, needs: frozenset[str]) -> ServesWindows:
+        """The windows of one split, with the fields of some names."""
 
 
-def open_windows(store: Store, split: str, reader: WindowReader) -> ServesWindows:
+def open_windows(
+    store: Store, split: str, reader: WindowReader, judged: frozenset[str] = frozenset()
+) -> ServesWindows:
     """The windows of one split that a method works on.
 
     Args:
         store: The corpus.
         split: ``"train"``, ``"val"`` or ``"test"``.
         reader: The method.
+        judged: Names of further fields, which those read who judge it; not for training.
 
     Raises:
         ConfigError: A field that doesn't exist or that the corpus can't fill.
         CospeechError: No span of the split is as long as a window.
     """
+    needs = reader.needs if split == "train" else reader.needs | judged
     if isinstance(reader, OpensWindows):
-        return reader.windows(store, split)
-    return WindowDataset(store, split, reader.window.of_split(split), reader.needs)
+        return reader.windows(store, split, needs)
+    return WindowDataset(store, split, reader.window.of_split(split), needs)

@@ -29,6 +29,7 @@ from cospeech.experiment.building import build, chosen_encoder, load_weights, re
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
 from cospeech.experiment.enduring import costs_itself, enduring, other_arithmetic
 from cospeech.experiment.folders import resume_command, run_identity
+from cospeech.experiment.judgeable import judged_fields, refuse_unjudgeable
 from cospeech.experiment.stopping import (
     be_the_first_process,
     end_with_the_first_process,
@@ -151,7 +152,10 @@ def _lost_peer(error: BaseException) -> CospeechError | None:
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     data = build(cfg.data)
     # What is wrong with the settings is found before anything slow begins, of any corpus ...
-    data.refuse_impossible(cfg.choices.model, build(cfg.model, corpus=placeholder_facts()).needs)
+    tried = build(cfg.model, corpus=placeholder_facts())
+    refuse_unjudgeable(cfg.choices.model, tried)
+    judged = judged_fields(tried)
+    data.refuse_impossible(cfg.choices.model, tried.needs | judged)
     lightning.seed_everything(cfg.seed, verbose=False)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
@@ -165,7 +169,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     checkpoint = _checkpoint(cfg, folder)
     if checkpoint is None and isinstance(model, GestureMethod):
         model.read_files()
-    data.attach(model)
+    data.attach(model, judged)
     for windows in (data.train_dataloader, data.val_dataloader, data.test_dataloader):
         windows()
     without_words = store.recordings.columns["has_words"].count(False)

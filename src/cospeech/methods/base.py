@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
@@ -19,7 +19,7 @@ from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
 
 
-class GestureMethod(LightningModule):
+class GestureMethod(LightningModule, ABC):
     """Base of the methods: windows in, upper-body motion out.
 
     A subclass sets `window` and `needs`, implements `sample` and `open`, and trains itself by
@@ -29,7 +29,8 @@ class GestureMethod(LightningModule):
 
     Attributes:
         window: Frame rate, length, seed frames and stride of the windows it works on.
-        needs: `GestureBatch` fields it reads.
+        needs: Names of the fields it reads (`cospeech.corpus.features`); the evaluation asks for
+            its own.
     """
 
     window: WindowSpec
@@ -48,7 +49,10 @@ class GestureMethod(LightningModule):
             generator: Source of every random draw; same seed, same motion.
 
         Returns:
-            ``(B, T, 10, 3)`` root-relative positions of the upper-body joints, metres.
+            ``(B, E, 10, 3)`` root-relative positions of the upper-body joints, metres, at the E
+            evaluation frames of the field ``positions``: 15 fps over the time of the window,
+            whatever the method's own rate (`at_evaluation_rate` of
+            `cospeech.corpus.features.positions`).
         """
 
     @abstractmethod

@@ -1,11 +1,13 @@
-"""The upper body at the evaluation rate over the time of each window."""
+"""The upper body at the evaluation rate over the time of each window, and the way to that rate."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from cospeech.corpus.features.field import Gather, Places, WindowField
 from cospeech.corpus.store import EVALUATION_FPS, Store
@@ -14,6 +16,25 @@ from cospeech.corpus.store import EVALUATION_FPS, Store
 def evaluation_frames(frames: int, fps: float) -> int:
     """Frames at the evaluation rate that so many frames at another rate cover."""
     return math.floor((frames - 1) / fps * EVALUATION_FPS + 1e-6) + 1
+
+
+def at_evaluation_rate(positions: Tensor, fps: float) -> Tensor:
+    """Windows of a method's own rate as the field ``positions`` has them, by linear interpolation.
+
+    Args:
+        positions: ``(B, T, J, 3)`` at ``fps``.
+        fps: Their rate.
+
+    Returns:
+        ``(B, E, J, 3)`` with `evaluation_frames` E; frame j shows time ``j / 15``.
+    """
+    last = positions.shape[1] - 1
+    frames = torch.arange(evaluation_frames(last + 1, fps), device=positions.device)
+    places = (frames.double() * fps / EVALUATION_FPS).clamp(max=last)
+    low = places.floor().long()
+    high = (low + 1).clamp(max=last)
+    share = (places - low).to(positions)[:, None, None]
+    return positions[:, low] + share * (positions[:, high] - positions[:, low])
 
 
 def _reader(store: Store, places: Places) -> Gather:

@@ -48,7 +48,7 @@ class MatchedMethod(GestureMethod):
     """
 
     window = WindowSpec(fps=15.0, frames=64, seed_frames=0, stride=64)
-    needs: ClassVar[frozenset[str]] = frozenset({"positions", "audio", "speakers"})
+    needs: ClassVar[frozenset[str]] = frozenset({"audio", "speakers"})
 
     database_hash: Tensor
 

@@ -10,6 +10,7 @@ from torch import Tensor, distributed
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.features.acoustics import ACOUSTICS
+from cospeech.corpus.features.positions import at_evaluation_rate
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.base import GestureMethod, evaluating, refuse_unknown
@@ -18,7 +19,6 @@ from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.synthesis import (
     OVERLAP_FRAMES,
     LongForm,
-    at_evaluation_rate,
     evaluation_joints,
     gesture_skeleton,
     long_poses,

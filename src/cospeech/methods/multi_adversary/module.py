@@ -102,7 +102,7 @@ class MultiAdversary(GoesThroughStages):
         interleaved=True,
         unlabelled=True,
     )
-    needs = frozenset({"joints", "acoustics", "positions"})
+    needs = frozenset({"joints", "acoustics"})
 
     def __init__(
         self,

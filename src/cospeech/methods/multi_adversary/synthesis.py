@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Literal
 
 import torch
 from torch import Tensor
 
-from cospeech.corpus.store import EVALUATION_FPS
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.joint_map import EVALUATION_JOINTS
 from cospeech.motion.skeleton import Skeleton
@@ -97,26 +95,6 @@ def head_offsets(mean_direction: list[float], bone_lengths: list[float]) -> Tens
         torch.nn.functional.normalize(directions, dim=-1) * torch.tensor(bone_lengths)[1:3, None]
     )
     return bones.cumsum(dim=0)
-
-
-def at_evaluation_rate(positions: Tensor, fps: float) -> Tensor:
-    """Windows at the evaluation rate, by linear interpolation between steps.
-
-    Args:
-        positions: ``(B, T, J, 3)`` at ``fps``.
-        fps: Their rate.
-
-    Returns:
-        ``(B, floor((T - 1) / fps * 15) + 1, J, 3)``; frame j shows time ``j / 15``.
-    """
-    steps = positions.shape[1]
-    count = math.floor((steps - 1) / fps * EVALUATION_FPS + 1e-6) + 1
-    places = torch.arange(count, dtype=torch.float64, device=positions.device) * fps
-    places = (places / EVALUATION_FPS).clamp(max=steps - 1)
-    low = places.floor().long()
-    high = (low + 1).clamp(max=steps - 1)
-    share = (places - low).to(positions)[:, None, None]
-    return positions[:, low] + share * (positions[:, high] - positions[:, low])
 
 
 def gesture_skeleton(layout: GestureJoints) -> tuple[Skeleton, list[int]]:
