@@ -117,12 +117,12 @@ def test_a_span_has_its_own_clock(tmp_path):
     ]
 
 
-def test_unknown_speakers_have_id_zero(tmp_path):
+def test_who_does_not_train_has_no_id(tmp_path):
     recordings = [make_recording(f"t{i}", speaker="ada") for i in range(3)]
     recordings.append(make_recording("t3", speaker="zoe"))
     store = make_store(tmp_path, recordings)  # the last two are validation and test
-    assert store.speaker_id(0) == 1
-    assert store.speaker_id(3) == 0
+    assert store.speaker_ids["ada"] == 1
+    assert "zoe" not in store.speaker_ids
 
 
 def test_a_spans_speech_asks_for_no_more_frames_than_it_has(tmp_path):

@@ -7,9 +7,9 @@ from typing import Any
 import lmdb
 import numpy as np
 
-from cospeech.formats.ted.samples import cached_samples
 from cospeech.formats.ted.values import checked_clip
 from tests.fabricated.legacy_arrow_writer import write_legacy_arrow
+from tests.fabricated.ted_cache import cached_samples
 from tests.fabricated.ted_clips import make_clip, moved_clip
 
 FPS = 25.0

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from cospeech.formats.ted.samples import PUBLISHED_MEAN_DIRECTION
 from cospeech.motion.upper_body import UPPER_BODY
+from tests.fabricated.ted_cache import PUBLISHED_MEAN_DIRECTION
 
 # the published bone table, brought to a mean bone of 0.2
 BONE_LENGTHS = np.array([0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]) * 0.2 * 9 / 2.4

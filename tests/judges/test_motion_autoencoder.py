@@ -90,7 +90,7 @@ def test_learns_a_few_windows(tmp_path):
     assert encoder.source == "a test"
     module.eval()
     torch.testing.assert_close(encoder.encode_positions(positions), module.network.encode(features))
-    torch.testing.assert_close(encoder.reconstruct(features), module(positions))
+    torch.testing.assert_close(encoder.network(features), module(positions))
 
     # The run's own checkpoint serves as metrics.encoder=<path>.
     path = tmp_path / "last.ckpt"

@@ -43,7 +43,8 @@ def speech(seconds: float, seed: int = 0) -> Speech:
 
 def test_the_ten_joints_are_the_stored_upper_body_but_for_the_head(store, method):
     """Real joints, taken to the evaluation's space, against the store's own upper body."""
-    batch = open_windows(store, "val", method, frozenset({"positions"})).batch(range(4))
+    windows = open_windows(store, "val", method, frozenset({"positions"}))
+    batch = windows.batch(range(len(windows)))
     upper_body = evaluation_joints(batch.joints, method.layout, method.head)
     found = at_evaluation_rate(upper_body, 20.0)
     assert found.shape == batch.positions.shape == (len(batch), 75, 10, 3)

@@ -44,7 +44,7 @@ def reconstruction_error(encoder, motion, signs=(1.0, 1.0, 1.0)):
     positions = resample_positions(motion.positions, motion.fps, 15.0) * np.float32(signs)
     windows = torch.from_numpy(positions).unfold(0, 34, 10).movedim(-1, 1)
     features = encoder.to_features(windows)
-    return float((encoder.reconstruct(features) - features).abs().mean())
+    return float((encoder.network(features) - features).abs().mean())
 
 
 @pytest.mark.parametrize("corpus", PEOPLE)

@@ -88,7 +88,7 @@ def test_features_and_reconstruction_are_the_published_ones():
     frozen = encoder.import_published(fill(PoseAutoencoder()).state_dict())
     poses = inputs()["poses"]
     assert_published("fgd_features", frozen(poses))
-    assert_published("fgd_reconstruction", frozen.reconstruct(poses))
+    assert_published("fgd_reconstruction", frozen.network(poses))
 
 
 @torch.no_grad()

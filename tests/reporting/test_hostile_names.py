@@ -15,7 +15,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.reporting.markup import escaped, markdown, one_line, plain
 from cospeech.reporting.tables import format_table
-from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
+from cospeech.speech.speech import Word
 from tests.corpora import REST_POSE
 from tests.reporting.hostile_pages import PAGES
 
@@ -140,12 +140,11 @@ def test_pictures_take_any_name(tmp_path):
 
 def test_videos_show_any_word(tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="the video extra is not installed")
-    from cospeech.reporting.video import frame_image
+    from cospeech.reporting.drawing import FigurePainter
 
     motion = Motion(UPPER_BODY, 15.0, np.repeat(REST_POSE[None], 4, axis=0))
     for name in NAMES:
-        speech = Speech(np.zeros(SAMPLE_RATE, np.float32), (Word(name, 0.0, 0.2),))
-        image = frame_image({name: motion}, 1, speech, size=(320, 180))
+        image = FigurePainter({name: motion}, (320, 180)).paint(0.1, (Word(name, 0.0, 0.2),))
         assert image.size == (320, 180)
 
 

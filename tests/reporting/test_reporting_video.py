@@ -8,9 +8,10 @@ import pytest
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.reporting.drawing import FigurePainter
 from cospeech.reporting.framing import extents
 from cospeech.reporting.projection import Camera
-from cospeech.reporting.video import frame_image, subtitle_lines, write_mp4
+from cospeech.reporting.video import subtitle_lines, write_mp4
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the video extra is not installed")
@@ -54,7 +55,9 @@ def test_picture_has_the_left_wrist_where_the_camera_sees_it(raised):
     size = (640, 480)
     camera = camera_of(raised)
     for frame in (0, 29):
-        picture = np.asarray(frame_image({"recorded": raised}, frame, size=size)).astype(int)
+        picture = np.asarray(
+            FigurePainter({"recorded": raised}, size).paint(frame / 15, ())
+        ).astype(int)
         seen = camera.project(raised.positions[frame], frame).pixels / 2
         wrist = seen[6].round().astype(int)
         assert is_orange(picture[wrist[1], wrist[0]])
@@ -72,7 +75,7 @@ def test_a_nearer_bone_covers_a_farther_one(rest):
     toward = camera._axes[2]
     positions[:, 9] = positions[:, 6] - 0.4 * toward
     motion = Motion(UPPER_BODY, 15, positions)
-    picture = np.asarray(frame_image({"a": motion}, 0, size=(640, 480))).astype(int)
+    picture = np.asarray(FigurePainter({"a": motion}, (640, 480)).paint(0, ())).astype(int)
     seen = camera_of(motion).project(positions[0], 0)
     assert seen.depth[6] < seen.depth[9]
     at = (seen.pixels[6] / 2).round().astype(int)
@@ -118,11 +121,9 @@ def test_subtitles_break_at_pauses_and_length():
     assert [len(line) for line in lines] == [9, 3, 1]
 
 
-def test_wrong_sizes_frames_and_a_missing_extra_are_named(raised, speech, tmp_path, monkeypatch):
+def test_wrong_sizes_and_a_missing_extra_are_named(raised, speech, tmp_path, monkeypatch):
     with pytest.raises(CospeechError, match="even"):
         write_mp4(tmp_path / "v.mp4", {"a": raised}, speech, (481, 320))
-    with pytest.raises(CospeechError, match="30 frames"):
-        frame_image({"a": raised}, 30)
     real_import = builtins.__import__
 
     def without_ffmpeg(name, *args, **kwargs):

@@ -76,14 +76,14 @@ def test_speech_can_not_name_a_special_token():
 
 def test_vocabulary_survives_json():
     vocabulary = Vocabulary.build(["naïve", "は", "gesture"])
-    assert Vocabulary.from_list(json.loads(json.dumps(vocabulary.words))) == vocabulary
+    assert Vocabulary(json.loads(json.dumps(vocabulary.words))) == vocabulary
 
 
-def test_from_list_refuses_what_is_no_vocabulary():
+def test_it_refuses_what_is_no_vocabulary():
     with pytest.raises(ValueError, match="begins with <PAD>"):
-        Vocabulary.from_list(["the", "and"])
+        Vocabulary(["the", "and"])
     with pytest.raises(ValueError, match="'the' is twice"):
-        Vocabulary.from_list(["<PAD>", "<SOS>", "<EOS>", "<UNK>", "the", "and", "the"])
+        Vocabulary(["<PAD>", "<SOS>", "<EOS>", "<UNK>", "the", "and", "the"])
 
 
 def test_words_land_on_their_onset_frames():

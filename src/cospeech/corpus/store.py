@@ -302,10 +302,6 @@ class Store:
             "store": str(self.path.absolute()),
         }
 
-    def speaker_id(self, recording: int) -> int:
-        """Speaker id, 1..n; 0 for a speaker who isn't in the training split."""
-        return self.speaker_ids.get(self.recordings[recording].speaker, 0)
-
     def describe(self) -> str:
         """One line for the terminal."""
         minutes = {

@@ -152,11 +152,11 @@ class OpensWindows(Protocol):
     """A reader of more than a corpus holds, which adds it to the windows itself."""
 
     def windows(self, store: Store, split: str, needs: frozenset[str]) -> ServesWindows:
-        """The windows of one split, with the fields of some names."""
+        """The windows of one split, with these fields."""
 
 
 def open_windows(
-    store: Store, split: str, reader: WindowReader, judged: frozenset[str] = frozenset()
+    store: Store, split: str, reader: WindowReader, more: frozenset[str] = frozenset()
 ) -> ServesWindows:
     """The windows of one split that a method works on.
 
@@ -164,13 +164,12 @@ def open_windows(
         store: The corpus.
         split: ``"train"``, ``"val"`` or ``"test"``.
         reader: The method.
-        judged: Names of further fields, which those read who judge it; not for training.
+        more: Fields besides those that the method reads.
 
     Raises:
         ConfigError: A field that doesn't exist or that the corpus can't fill.
         CospeechError: No span of the split is as long as a window.
     """
-    needs = reader.needs if split == "train" else reader.needs | judged
     if isinstance(reader, OpensWindows):
-        return reader.windows(store, split, needs)
-    return WindowDataset(store, split, reader.window.of_split(split), needs)
+        return reader.windows(store, split, reader.needs | more)
+    return WindowDataset(store, split, reader.window.of_split(split), reader.needs | more)

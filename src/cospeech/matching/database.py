@@ -134,10 +134,6 @@ class MatchingDatabase:
         """``(M,)``: the sequences of one speaker; none of somebody who isn't in it."""
         return np.array([name == speaker for name in self.speaker_names])[self.speakers]
 
-    def frame_times_s(self, sequence: int) -> NDArray[np.float64]:
-        """``(T,)`` time of each frame of a sequence in its recording, s."""
-        return self.starts_s[sequence] + np.arange(self.usable.shape[1]) / self.spec.fps
-
     def upper_body(self, poses: NDArray[np.float32]) -> NDArray[np.float32]:
         """The evaluation's ``(..., 10, 3)`` of poses ``(..., J, 3)``; the spine is the origin."""
         chosen = poses[..., [self.pose_roles.index(role) for role in self.evaluation_roles], :]

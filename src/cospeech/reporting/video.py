@@ -7,7 +7,6 @@ import subprocess
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +15,6 @@ from cospeech.files import replacing
 from cospeech.motion.motion import Motion
 from cospeech.reporting.drawing import FigurePainter
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 _LINE_CHARACTERS = 44
 _PAUSE_S = 0.7
@@ -48,35 +44,6 @@ def _line_at(lines: list[tuple[Word, ...]], time: float) -> tuple[Word, ...]:
     if started and time < started[-1][-1].end + _LINGER_S:
         return started[-1]
     return ()
-
-
-def frame_image(
-    tracks: Mapping[str, Motion],
-    frame: int,
-    speech: Speech | None = None,
-    size: tuple[int, int] = (1280, 720),
-) -> Image:
-    """A still picture of every track at the time of a frame of the first one.
-
-    Args:
-        tracks: Label -> motion, side by side.
-        frame: Frame of the first track; negative counts from its end.
-        speech: Its words are shown below the figures.
-        size: Width and height, pixels.
-
-    Returns:
-        A Pillow RGB image.
-
-    Raises:
-        CospeechError: No tracks, an unfit motion, a frame out of range, or Pillow is missing.
-    """
-    painter = FigurePainter(tracks, size)
-    first = next(iter(tracks.values()))
-    if not -len(first) <= frame < len(first):
-        raise CospeechError(f"no frame {frame}", f"the first track has {len(first)} frames")
-    time = (frame % len(first)) / first.fps
-    words = speech.words if speech is not None and speech.words is not None else ()
-    return painter.paint(time, _line_at(subtitle_lines(words), time))
 
 
 def write_mp4(

@@ -65,11 +65,6 @@ class Vocabulary:
         distinct.pop("", None)
         return cls([*SPECIAL_TOKENS, *distinct])
 
-    @classmethod
-    def from_list(cls, words: Sequence[str]) -> Vocabulary:
-        """The vocabulary whose `words` these are, e.g. read from JSON or a checkpoint."""
-        return cls(words)
-
     @property
     def words(self) -> list[str]:
         """The word of every id, special tokens included: a plain list, fit for JSON."""

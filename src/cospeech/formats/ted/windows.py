@@ -130,7 +130,3 @@ class ClipWindows:
     def audio_start(self, start: int) -> int:
         """First sample of the audio of the window at frame `start`: floor(start / K * length)."""
         return math.floor(start / len(self) * len(self.clip.audio))
-
-    def spectrogram_start(self, start: int) -> int:
-        """First spectrogram column of the window at frame `start`."""
-        return math.floor(start / len(self) * self.clip.spectrogram.shape[1])

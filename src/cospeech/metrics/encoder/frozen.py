@@ -92,17 +92,6 @@ class GestureEncoder(nn.Module):
         with torch.autocast(features.device.type, enabled=False):
             return self.network.encode(features.float())
 
-    def reconstruct(self, features: Tensor) -> Tensor:
-        """What the decoder makes of the features' latent means, ``(B, T, 27)``.
-
-        Raises:
-            ValueError: As `forward`.
-        """
-        self._require_windows(features)
-        with torch.autocast(features.device.type, enabled=False):
-            reconstruction: Tensor = self.network(features.float())
-        return reconstruction
-
     def encode_positions(self, positions: Tensor) -> Tensor:
         """Latent means ``(B, 32)`` of root-relative windows ``(B, T, 10, 3)`` in house axes.
 
