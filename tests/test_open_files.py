@@ -20,7 +20,7 @@ GUARDED = {
     "files.py": "has just been written",
     "foreign.py": "the door itself",
     "formats/berkeley/audio.py": "asks require_no_pipe first",
-    "formats/berkeley/npz.py": "the archive comes from open_file",
+    "formats/npz_file.py": "the archive comes from open_file",
     "methods/base.py": "opens a stream of motion",
     "methods/trimodal/module.py": "opens a stream of motion",
     "motion/bvh_rows.py": "bytes in memory",

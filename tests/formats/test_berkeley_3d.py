@@ -20,7 +20,7 @@ from cospeech.formats.berkeley.extension3d import (
     read_items,
 )
 from cospeech.formats.berkeley.hands3d import BERKELEY_3D, FILE_JOINTS
-from cospeech.formats.berkeley.npz import NpzReader
+from cospeech.formats.npz_file import NpzReader
 from cospeech.motion.upper_body import doubts_about, find_joint_map, to_upper_body
 from data_modules.berkeley import BerkeleyData
 from tests.fabricated.berkeley import (

@@ -25,7 +25,7 @@ from cospeech.corpus.source import Dropped, Source, existing_folder
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.berkeley import LICENCE, SPLITS
 from cospeech.formats.berkeley.hands3d import BERKELEY_3D, FILE_INDEX, FILE_JOINTS
-from cospeech.formats.berkeley.npz import NpzReader
+from cospeech.formats.npz_file import NpzReader
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 

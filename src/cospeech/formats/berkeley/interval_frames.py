@@ -20,8 +20,8 @@ from cospeech.formats.berkeley.keypoints import (
     without_face,
 )
 from cospeech.formats.berkeley.layout import below, parse_time, spellings
-from cospeech.formats.berkeley.npz import NpzReader
 from cospeech.formats.berkeley.rows import Key, RowIndex
+from cospeech.formats.npz_file import NpzReader
 from cospeech.speech.speech import SAMPLE_RATE
 
 FRAME_COLUMNS = ("speaker", "interval_id", "pose_fn", "pose_dt", "dataset")
