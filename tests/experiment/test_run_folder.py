@@ -8,7 +8,7 @@ from hydra import compose, initialize_config_dir
 
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.experiment import run, run_folder, run_identity
-from cospeech.experiment.folders import changed_settings
+from cospeech.experiment.folders import changed_settings, command_folder
 from cospeech.reporting.record import write_json
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
@@ -129,6 +129,18 @@ def test_a_finished_run_with_more_epochs_than_asked_for_is_refused(tmp_path):
     assert json.loads((tmp_path / "record.json").read_text()) == record
     cfg.training.epochs = 2
     assert run(cfg).record["status"] == "ok"
+
+
+@pytest.mark.parametrize(
+    ("command", "given"),
+    [("train", "model=trimodal"), ("generate", "seed=0"), ("evaluate", "seed=0")],
+)
+def test_everything_of_a_command_goes_where_it_is_told_to(tmp_path, command, given):
+    """The log and Hydra's settings too, which go to Hydra's folder."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        cfg = compose(command, [given, f"run_dir={tmp_path / 'mine'}"], return_hydra_config=True)
+    assert cfg.hydra.run.dir == cfg.run_dir == str(tmp_path / "mine")
+    assert command_folder("its own", _root_=config()) == "its own"
 
 
 def test_a_job_of_a_sweep_without_a_run_starts_one(tmp_path):

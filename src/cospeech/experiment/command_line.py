@@ -105,7 +105,6 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         # Hydra opens it in the terminal's encoding, which may know no letter of a path.
         cast(TextIOWrapper, handler.stream).reconfigure(encoding="utf-8", errors="backslashreplace")
     multirun = HydraConfig.get().mode == RunMode.MULTIRUN
-    written = _folders_written(cfg)
     try:
         if multirun:
             refuse_unknown_settings(cfg)
@@ -122,8 +121,8 @@ def command_line(task: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         if sentence is None:
             traceback.print_exception(error)
         if sentence is not None:
-            for folder, is_new in written.items():
-                remove_leftovers(folder, is_new)
+            folder = Path(HydraConfig.get().runtime.output_dir)
+            remove_leftovers(folder, itself=not _is_named_by_user())
         if multirun:
             _failed_jobs.append((" ".join(HydraConfig.get().overrides.task), told))
             raise
@@ -137,15 +136,11 @@ def _settings_of_place(overrides: list[str]) -> DictConfig:
     return DictConfig({"outputs_dir": str(Path(folder).absolute())})
 
 
-def _folders_written(cfg: DictConfig) -> dict[Path, bool]:
-    """The folders of a command, and whether it makes them; asked before its task begins."""
-    hydra_cfg = HydraConfig.get()
-    named = any(text.startswith("hydra.run.dir=") for text in hydra_cfg.overrides.hydra)
-    folders = {Path(hydra_cfg.runtime.output_dir): not named}
-    run_dir = cfg.get("run_dir")
-    if run_dir is not None and Path(run_dir).absolute() not in folders:
-        folders[Path(run_dir).absolute()] = not Path(run_dir).exists()
-    return folders
+def _is_named_by_user() -> bool:
+    """Whether the command line says where the command writes."""
+    overrides = HydraConfig.get().overrides
+    typed = (*overrides.hydra, *overrides.task)
+    return any(text.startswith(("hydra.run.dir=", "run_dir=")) for text in typed)
 
 
 def _arguments() -> argparse.Namespace:

@@ -88,6 +88,8 @@ def run_folder(
 ) -> str:
     """The run's folder: a new one, or with ``ckpt_path=last`` the newest with the same settings.
 
+    Where ``run_dir`` is typed, it is that one.
+
     Args:
         mode: ``"run"`` for a path, ``"sweep"`` for the name alone (a sweep joins it itself).
         parent: Folder that holds the runs.
@@ -98,6 +100,8 @@ def run_folder(
         ConfigError: ``ckpt_path=last`` and no run has these settings; names a damaged record, or
             the settings that differ from the newest run of the prefix.
     """
+    if mode == "run" and _is_typed(_root_):
+        return str(_root_.run_dir)
     folder = Path(parent)
     if checkpoint == "last":
         identity = run_identity(_root_)
@@ -122,6 +126,16 @@ def run_folder(
             )
     name = f"{prefix}-{datetime.now():%Y%m%d-%H%M%S-%f}"
     return name if mode == "sweep" else str(folder / name)
+
+
+def command_folder(folder: str, *, _root_: DictConfig) -> str:
+    """The folder of a command that is no training: ``run_dir`` where it is typed, or this one."""
+    return str(_root_.run_dir) if _is_typed(_root_) else folder
+
+
+def _is_typed(cfg: DictConfig) -> bool:
+    """Whether ``run_dir`` is a folder of the user's, and not Hydra's own as in the yaml files."""
+    return not OmegaConf.is_interpolation(cfg, "run_dir")
 
 
 def _difference(cfg: DictConfig, record: Path) -> str:
@@ -156,3 +170,4 @@ def _leaves(value: Any, path: str) -> dict[str, Any]:
 
 
 OmegaConf.register_new_resolver("run_folder", run_folder, use_cache=False)
+OmegaConf.register_new_resolver("command_folder", command_folder, use_cache=False)
