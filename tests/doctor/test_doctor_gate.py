@@ -10,7 +10,7 @@ from cospeech.corpus.packing import pack_source
 from cospeech.corpus.recording import Recording
 from cospeech.doctor import Check, Settings, Severity, check_path, examined_source
 from cospeech.errors import CospeechError
-from cospeech.experiment.judging import what_was_left_out
+from cospeech.experiment.preparing import what_was_left_out
 from cospeech.formats.mocap import Voice, find_takes, take_sources
 from data_modules.mocap import MocapData
 from tests.fabricated.mocap import (

@@ -11,7 +11,7 @@ import torch
 
 from cospeech.corpus.manifest import write_manifest
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.experiment import evaluate, generate, generating, judging_again
+from cospeech.experiment import evaluate, generate, generating, own_or_given
 from cospeech.experiment.finished_run import load, open_run
 from cospeech.methods.capabilities import HasSchedule
 from cospeech.nn.checkpoints import previous_of
@@ -278,12 +278,12 @@ def test_a_study_of_a_corpus_takes_no_run(outputs, run, tmp_path):
 
 def test_a_corpus_that_is_given_has_to_be_the_runs(outputs, run, tmp_path, monkeypatch):
     typed = ["run=x", "data=mocap", "+data.root=a", "data.store_dir=b", "metrics.encoder=c"]
-    monkeypatch.setattr(judging_again, "_overrides", lambda: typed)
-    assert judging_again.given("data", "store_dir") == ["data=mocap", "+data.root=a"]
-    assert judging_again.given("metrics") == ["metrics.encoder=c"]
-    assert judging_again.given("dat") == []
+    monkeypatch.setattr(own_or_given, "_overrides", lambda: typed)
+    assert own_or_given.given("data", "store_dir") == ["data=mocap", "+data.root=a"]
+    assert own_or_given.given("metrics") == ["metrics.encoder=c"]
+    assert own_or_given.given("dat") == []
     other = SimpleNamespace(prepare_store=lambda: SimpleNamespace(fingerprint=64 * "1"))
-    monkeypatch.setattr(judging_again, "build", lambda _: other)
+    monkeypatch.setattr(own_or_given, "build", lambda _: other)
     with pytest.raises(
         ConfigError, match=r"data=mocap .*: that isn't the corpus of run="
     ) as caught:

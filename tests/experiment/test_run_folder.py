@@ -133,12 +133,12 @@ def test_a_finished_run_with_more_epochs_than_asked_for_is_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("command", "given"),
-    [("train", "model=trimodal"), ("generate", "seed=0"), ("evaluate", "seed=0")],
+    [("train", ["model=trimodal", "run_prefix=run"]), ("generate", []), ("evaluate", [])],
 )
 def test_everything_of_a_command_goes_where_it_is_told_to(tmp_path, command, given):
     """The log and Hydra's settings too, which go to Hydra's folder."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = compose(command, [given, f"run_dir={tmp_path / 'mine'}"], return_hydra_config=True)
+        cfg = compose(command, [*given, f"run_dir={tmp_path / 'mine'}"], return_hydra_config=True)
     assert cfg.hydra.run.dir == cfg.run_dir == str(tmp_path / "mine")
     assert command_folder("its own", _root_=config()) == "its own"
 

@@ -3,9 +3,9 @@
 A motion at 60 fps gives three interleaved sequences of 20 fps, one at 100 fps five: every frame can
 be used, and none is interpolated where the rates are multiples (Ferstl et al. 2020, section 3).
 
-**Nothing of another split is seen.** Features of speech are computed of each span by itself, on
+**Nothing of another split is seen.** Fields of speech are computed of each span by itself, on
 exactly the sound that the span is (`Store.speech`), the same that a method is given to speak to.
-So a frame has the same features, to the bit, in training and in speaking, and no sound of a
+So a frame has the same values, to the bit, in training and in speaking, and no sound of a
 neighbouring span changes them, not even by its loudness. Motion and its labels end with the span.
 """
 
@@ -36,7 +36,7 @@ class _Column:
         values: ``(N, ...)`` rows of one sequence, or of one span, after another.
         first_rows: ``(S,)`` the first row of each sequence, or of its span.
         counts: ``(S,)`` how many rows there are from it on.
-        fps: Rate of the rows of a feature with a rate of its own; None for the method's.
+        fps: Rate of the rows of a field with a rate of its own; None for the method's.
     """
 
     values: NDArray[Any]
@@ -50,7 +50,7 @@ class Tracks:
 
     Args:
         store: The corpus.
-        spans: The stretches; of a feature of sound, of recordings that have sound.
+        spans: The stretches; of a field of sound, of recordings that have sound.
         fps: The method's frames per second.
         fields: What the tables hold. With a field of motion, or every interleave, frames are
             those of the motion; else they begin with the span.

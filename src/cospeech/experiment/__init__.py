@@ -14,18 +14,19 @@ from cospeech.terminal import stop_in_order
 
 if TYPE_CHECKING:
     from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
+    from cospeech.experiment.evaluating import evaluate
     from cospeech.experiment.folders import run_folder, run_identity
     from cospeech.experiment.generating import generate
-    from cospeech.experiment.judging import evaluate, prepare
+    from cospeech.experiment.preparing import prepare
     from cospeech.experiment.training import run
 
 _ROOMS = {
     "RunContext": "context",
     "RunInterrupted": "context",
     "RunResult": "context",
-    "evaluate": "judging",
+    "evaluate": "evaluating",
     "generate": "generating",
-    "prepare": "judging",
+    "prepare": "preparing",
     "run": "training",
     "run_folder": "folders",
     "run_identity": "folders",

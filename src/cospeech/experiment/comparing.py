@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.building import build, require_same
 from cospeech.experiment.finished_run import CHECKPOINTS, FinishedRun, open_run
-from cospeech.experiment.judging_again import corpus_of, encoder_of
+from cospeech.experiment.own_or_given import corpus_of, encoder_of
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.capabilities import HasSchedule, HoldsPhaseClassifier, MakesJoints
 from cospeech.reporting.collect import collect

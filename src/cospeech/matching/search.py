@@ -126,15 +126,15 @@ class MatchingSearch:
         return [match for i in groups for match in self._answer(queries[i : i + _QUERIES_AT_ONCE])]
 
     def _answer(self, queries: Sequence[Query]) -> list[Match]:
-        count, asked = len(self.database), len(queries)
+        sequences, answers = len(self.database), len(queries)
         pose = self._side(False, np.array([query.pose for query in queries], dtype=np.float32))
         audio = self._side(True, np.array([query.audio for query in queries], dtype=np.float32))
         first, second = (audio, pose) if self._by_audio else (pose, audio)
         bounds = self._leading.bounds(first.queries)
         allowed = self._allowed(queries)
         found = Found(
-            np.empty((asked, count), dtype=np.int16),
-            *(np.empty((asked, count), dtype=np.float32) for _ in range(3)),
+            np.empty((answers, sequences), dtype=np.int16),
+            *(np.empty((answers, sequences), dtype=np.float32) for _ in range(3)),
         )
         # A sum of D products or squares in single precision is off by at most D u times the sum of
         # their magnitudes: the product of both lengths, or the sum itself.
@@ -142,7 +142,7 @@ class MatchingSearch:
 
         alone = self.preselect == "pose_only"
         ks = np.array([query.k for query in queries], dtype=np.int64)
-        chosen = np.empty((asked, 3), dtype=np.int64)
+        chosen = np.empty((answers, 3), dtype=np.int64)
 
         def search(start: int, end: int) -> None:
             nearest_frames(start, end, bounds, first, second, allowed, found)
@@ -150,8 +150,8 @@ class MatchingSearch:
         def rank(start: int, end: int) -> None:
             choose(start, end, ks, first, second, found, error, alone, chosen)
 
-        self._share(search, count)
-        self._share(rank, asked)
+        self._share(search, sequences)
+        self._share(rank, answers)
         return [Match(*values) for values in chosen.tolist()]
 
     def _share(self, work: Callable[[int, int], None], count: int) -> None:

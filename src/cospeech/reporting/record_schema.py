@@ -176,6 +176,7 @@ _SHAPE: dict[str, Check] = {
     "encoder": _object_of({"sha256": _text, "name": _text}, _anything),
     "timings": _NUMBERS,
     "epochs": _list_of(_object_of({"epoch": _epoch}, _number, needed="epoch")),
+    # epochs: those that the settings asked for (-1: as many as the method takes), and those it took
     "fit": _object_of({"asked": _whole, "ended": _epoch}, _anything, needed="ended"),
     "final": _object_of({"split": _text, "windows": _NUMBERS, "recordings": _NUMBERS}, _anything),
     "references": _object_of({}, _NUMBERS),

@@ -1,4 +1,9 @@
-"""The catalogue of what a batch can hold: a file per field or family, and a line here."""
+"""The catalogue of what a batch can hold: a file per field or family, and a line here.
+
+A **field** is what a method declares by name and a batch holds: sound, words, motion, and all that
+is computed of them. What is called features elsewhere (acoustic features, word vectors) are fields
+of speech, `SpeechField`, computed once per corpus and kept in its store's folder ``features``.
+"""
 
 from __future__ import annotations
 

@@ -163,6 +163,6 @@ def nearest(
 ) -> NDArray[np.int64]:
     """Of ``count`` frames the nearest to each time, ties to the even; past the last one the last.
 
-    Nothing is averaged: interleaved sequences have features of their own.
+    Nothing is averaged: interleaved sequences have values of their own.
     """
     return np.rint(times_s * fps).astype(np.int64).clip(0, count - 1)

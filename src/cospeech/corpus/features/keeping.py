@@ -1,7 +1,7 @@
-"""Features of speech, computed once per corpus and kept beside it.
+"""Fields of speech, computed once per corpus and kept beside it.
 
-A store's folder ``features/NAME-VERSION`` (``NAME-VERSION-FPS`` of a feature that is computed at
-the method's rate) holds, for each list of stretches that was asked for, an array with the rows of
+A store's folder ``features/NAME-VERSION`` (``NAME-VERSION-FPS`` of a field that is computed at
+the method's rate) holds, for each list of stretches that was wanted, an array with the rows of
 one stretch after another and a JSON file that says which they are.
 """
 
@@ -29,18 +29,18 @@ from cospeech.progress import progress_bar
 
 logger = logging.getLogger(__name__)
 
-_WHAT = "a kept feature"
+_WHAT = "a kept field of speech"
 _DTYPE = np.dtype("<f4")
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """What a feature is computed of at once.
+    """What a field is computed of at once.
 
     Attributes:
         span: The span whose sound it is, and nothing more.
         first_sample: Where in that sound it begins.
-        frames: Rows wanted of a feature at the method's rate; 0 at its own, which has as many as
+        frames: Rows wanted of a field at the method's rate; 0 at its own, which has as many as
             there are.
     """
 
@@ -59,14 +59,14 @@ class Stretch:
 def kept_rows(
     store: Store, field: SpeechField, fps: float, stretches: Sequence[Stretch], title: str
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """A feature of some stretches, computed where it isn't kept already.
+    """A field of some stretches, computed where it isn't kept already.
 
     What is kept but damaged is computed again, with a warning. Two processes that need the same
     compute it once: the second waits.
 
     Args:
         store: The corpus.
-        field: The feature.
+        field: The field.
         fps: The method's frames per second.
         stretches: In the order of the rows.
         title: Of the progress bar.
@@ -76,25 +76,25 @@ def kept_rows(
     """
     rate = "" if field.fps else f"-{fps:g}"
     folder = store.path / "features" / f"{field.name}-{field.version}{rate}"
-    asked = [
+    wanted = [
         [*(s.span.recording, s.span.start, s.span.stop), s.first_sample, s.frames]
         for s in stretches
     ]
-    digest = hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:12]
+    digest = hashlib.sha256(json.dumps(wanted).encode()).hexdigest()[:12]
     array, facts = folder / f"{digest}.npy", folder / f"{digest}.json"
     if not facts.is_file():
         folder.mkdir(parents=True, exist_ok=True)
     with FileLock(str(folder / f".{digest}.lock")):
         if facts.is_file():
             try:
-                return open_kept(array, facts, asked, field)
+                return open_kept(array, facts, wanted, field)
             except InputFileError as error:
                 logger.warning("%s: %s; it is computed again", error.path, error.problem)
         blocks = (stretch.values(store, field, fps) for stretch in stretches)
         rows = _write(array, progress_bar(blocks, len(stretches), title), field.width or 0)
         # Last: what has no description was never finished.
-        write_json(facts, {"stretches": asked, "rows": rows, "unit": field.unit})
-        return open_kept(array, facts, asked, field)
+        write_json(facts, {"stretches": wanted, "rows": rows, "unit": field.unit})
+        return open_kept(array, facts, wanted, field)
 
 
 def _write(path: Path, blocks: Iterator[NDArray[np.float32]], width: int) -> list[int]:
@@ -119,15 +119,15 @@ def _write_header(file: Any, rows: int, width: int) -> None:
 
 
 def open_kept(
-    array: Path, facts: Path, asked: list[list[int]], field: SpeechField
+    array: Path, facts: Path, wanted: list[list[int]], field: SpeechField
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Open what is kept.
 
     Args:
         array: The rows.
         facts: What is said of them.
-        asked: Recording, first and last frame, first sample and rows wanted of every stretch.
-        field: The feature.
+        wanted: Recording, first and last frame, first sample and rows wanted of every stretch.
+        field: The field.
 
     Returns:
         As `kept_rows`.
@@ -138,7 +138,7 @@ def open_kept(
     told = read_json(facts, _WHAT)
     with understood(facts, _WHAT):
         rows = np.array(told["rows"], dtype=np.int64)
-        if told["stretches"] != asked or rows.shape != (len(asked),) or (rows < 0).any():
+        if told["stretches"] != wanted or rows.shape != (len(wanted),) or (rows < 0).any():
             raise InputFileError(facts, "says something else than its name")
     values = open_array(array, _WHAT)
     if values.dtype != _DTYPE or values.shape != (rows.sum(), field.width):
