@@ -13,6 +13,7 @@ from cospeech.corpus.features import FIELDS, refuse_lacking
 from cospeech.corpus.features.acoustics import ACOUSTICS
 from cospeech.corpus.features.field import FieldSource, MotionField, SpeechField, WindowField
 from cospeech.corpus.features.keeping import Stretch, kept_rows
+from cospeech.corpus.features.streaming import FieldStream
 from cospeech.corpus.features.word_vectors import word_vectors
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
@@ -166,6 +167,65 @@ def test_loudness_elsewhere_shows_in_what_sees_the_whole_clip():
     }
     of_sound = (FIELDS[name] for name in OF_SPEECH if FIELDS[name].reads == "sound")
     assert changed == {field.name for field in of_sound if field.sees_whole_clip}
+
+
+STREAMED = [name for name in OF_SPEECH if FIELDS[name].context is not None]
+PIECES = {
+    "one by one": [1] * 3000,
+    "tenths of a second": [1600] * 20,
+    "odd": np.random.default_rng(1).integers(0, 5000, 12).tolist(),
+    "at once": [],
+}
+
+
+@pytest.mark.parametrize("sizes", PIECES.values(), ids=PIECES)
+@pytest.mark.parametrize("fps", RATES)
+@pytest.mark.parametrize("name", STREAMED)
+def test_a_field_heard_piece_by_piece_has_the_bits_of_the_whole(name, fps, sizes):
+    waveform = voiced(4.013, 7)
+    stream, rows = FieldStream(FIELDS[name], fps), []
+    for piece in np.split(waveform, np.cumsum(sizes)):
+        rows.append(stream.hear(piece))
+        due = (stream.samples / 16_000 - stream.look_ahead_s) * fps
+        assert sum(map(len, rows)) >= np.ceil(due)
+    rows.append(stream.finish())
+    whole = FIELDS[name].of_speech(Speech(waveform), fps)
+    np.testing.assert_array_equal(np.concatenate(rows), whole)
+
+
+@pytest.mark.parametrize("name", STREAMED)
+@pytest.mark.parametrize("samples", [0, 1, 100, 1100, 2500])
+def test_a_field_of_hardly_any_sound_is_streamed_too(name, samples):
+    waveform = voiced(1.0, 8)[:samples]
+    stream = FieldStream(FIELDS[name], 15.0)
+    rows = [*map(stream.hear, np.array_split(waveform, 3)), stream.finish()]
+    whole = FIELDS[name].of_speech(Speech(waveform), 15.0)
+    np.testing.assert_array_equal(np.concatenate(rows), whole)
+
+
+@pytest.mark.parametrize("name", STREAMED)
+def test_a_piece_costs_the_same_however_much_was_heard_before(name):
+    handed = []
+
+    def counted(speech, fps, frames):
+        handed.append(len(speech.waveform))
+        return FIELDS[name].compute(speech, fps, frames)
+
+    stream = FieldStream(replace(FIELDS[name], compute=counted), 15.0)
+    totals = []
+    for _ in range(3):
+        for _ in range(200):
+            stream.hear(voiced(0.1, 9))
+        totals.append(sum(handed))
+        handed.clear()
+    assert totals[2] <= 1.01 * totals[1] <= 8 * 20 * 16_000
+    assert max(totals) / 200 < 16_000
+
+
+@pytest.mark.parametrize("name", sorted(set(OF_SPEECH) - set(STREAMED)))
+def test_what_needs_all_of_the_sound_is_refused_by_name(name):
+    with pytest.raises(CospeechError, match=f"{name} can't be computed piece by piece"):
+        FieldStream(FIELDS[name], 15.0)
 
 
 @pytest.mark.parametrize("name", OF_SPEECH)

@@ -18,8 +18,8 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import CospeechError
 from cospeech.experiment.judgeable import judged_fields
-from cospeech.methods.base import GestureMethod
-from cospeech.methods.capabilities import FittedWithoutSteps, TakesControls
+from cospeech.methods.base import GestureMethod, TakesControls
+from cospeech.methods.capabilities import FittedWithoutSteps
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames
@@ -117,7 +117,7 @@ def test_two_steps_change_what_it_holds_and_leave_no_nan(name, store, tmp_path):
 
 def test_controls_are_checked_by_the_method_alone(method):
     if not isinstance(method, TakesControls):
-        with pytest.raises(CospeechError, match="no control"):
+        with pytest.raises(CospeechError, match="takes no controls"):
             method.open(controls={"style": 1})
         return
     for values in ({"levitation": 1}, [{"levitation": 1}], 3, [3]):

@@ -15,7 +15,7 @@ from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.finished_run import load
 from cospeech.files import replacing
 from cospeech.matching.control import read_values
-from cospeech.methods.capabilities import TakesControls
+from cospeech.methods.base import TakesControls
 from cospeech.motion.motion import Motion
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.speech.reading import read_speech

@@ -27,11 +27,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from cospeech.corpus.features.cepstra import CEPSTRA
+from cospeech.corpus.features.cepstra import STATIC_CEPSTRA
 from cospeech.errors import InputFileError
 from cospeech.foreign import open_array, open_file, read_json, understood
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
-from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS, sphinx_frames
+from cospeech.speech.feature_sets.sphinx import sphinx_frames
 from cospeech.speech.speech import Speech
 
 VERSION = 2
@@ -165,7 +165,7 @@ class MatchingDatabase:
         """
         fps = self.spec.fps
         count = sphinx_frames(len(waveform), fps) if frames is None else frames
-        return self.queries_of(CEPSTRA.of_speech(Speech(waveform), fps, count)[:, :STATIC_CHANNELS])
+        return self.queries_of(STATIC_CEPSTRA.of_speech(Speech(waveform), fps, count))
 
     def queries_of(self, channels: NDArray[np.float32]) -> NDArray[np.float32]:
         """As `audio_queries`, of the ``(F, 14)`` channels of speech up to its end."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import torch
 from lightning import LightningModule
@@ -14,27 +14,44 @@ from torch import Tensor, nn
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
-from cospeech.methods.streams import Stream
+from cospeech.methods.streams import Stream, check_seed_motion
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
+
+
+@runtime_checkable
+class TakesControls(Protocol):
+    """A method whose motion can be asked to be like something."""
+
+    def parse_controls(self, values: Any) -> Any:
+        """Check what `GestureMethod.open` is given as controls, and return it as it is used.
+
+        Args:
+            values: Plain values, as a yaml or JSON file holds them.
+
+        Raises:
+            CospeechError: Something isn't understood; the message says what is.
+        """
 
 
 class GestureMethod(LightningModule, ABC):
     """Base of the methods: windows in, upper-body motion out.
 
-    A subclass sets `window` and `needs`, implements `sample` and `open`, and trains itself by
-    manual optimisation. Schedules are pure values of ``current_epoch``; every random number in
-    training comes from torch's global generator, which the run seeds anew for each step, so that a
-    resumed run continues exactly.
+    A subclass sets its attributes, implements `sample` and `begin`, and trains itself by manual
+    optimisation. Schedules are pure values of ``current_epoch``; every random number in training
+    comes from torch's global generator, which the run seeds anew for each step, so that a resumed
+    run continues exactly.
 
     Attributes:
         window: Frame rate, length, seed frames and stride of the windows it works on.
         needs: Names of the fields it reads (`cospeech.corpus.features`); the evaluation asks for
             its own.
+        speakers: Of the training; motion may be asked for in the manner of one.
     """
 
     window: WindowSpec
     needs: ClassVar[frozenset[str]]
+    speakers: list[str]
 
     def __init__(self) -> None:
         super().__init__()
@@ -55,7 +72,6 @@ class GestureMethod(LightningModule, ABC):
             `cospeech.corpus.features.positions`).
         """
 
-    @abstractmethod
     def open(
         self,
         speaker: str | None = None,
@@ -68,12 +84,41 @@ class GestureMethod(LightningModule, ABC):
         Args:
             speaker: A training speaker's name; None lets the method choose.
             controls: What `TakesControls.parse_controls` reads; None for none.
-            seed_motion: Upper-body motion to continue from, at the method's frame rate.
+            seed_motion: Upper-body motion to continue from, facing +z, at the method's frame rate;
+                its last ``window.seed_frames`` frames are read.
             generator: Source of every random draw; None seeds one with 0.
 
         Raises:
-            CospeechError: The method refuses one of them.
+            CospeechError: An unknown speaker, controls that the method doesn't take or can't read,
+                or a motion that it can't continue.
         """
+        if speaker is not None and speaker not in self.speakers:
+            shown = ", ".join(self.speakers[:20]) + (" ..." if len(self.speakers) > 20 else "")
+            raise CospeechError(
+                f"no training speaker {speaker!r} among {len(self.speakers)}",
+                f"choose one of: {shown}",
+            )
+        if isinstance(self, TakesControls):
+            controls = None if controls is None else self.parse_controls(controls)
+        elif controls:
+            raise CospeechError(
+                f"a {type(self).__name__} takes no controls: {controls!r:.80}",
+                "leave controls out",
+            )
+        if seed_motion is not None:
+            check_seed_motion(seed_motion, self.window)
+        generator = generator or torch.Generator().manual_seed(0)
+        return self.begin(speaker, controls, seed_motion, generator)
+
+    @abstractmethod
+    def begin(
+        self,
+        speaker: str | None,
+        controls: Any,
+        seed_motion: Motion | None,
+        generator: torch.Generator,
+    ) -> Stream:
+        """What `open` gives: its arguments are checked, the controls are parsed."""
 
     def generate(
         self,
@@ -131,21 +176,6 @@ class GestureMethod(LightningModule, ABC):
     def test_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """As `validation_step`."""
         return self.validation_step(batch, batch_idx)
-
-
-def refuse_unknown(
-    speaker: str | None, speakers: Sequence[str], seed_motion: Motion | None
-) -> None:
-    """What `GestureMethod.open` refuses where a method continues no motion.
-
-    Raises:
-        CospeechError: A speaker who isn't among the training's, or a seed motion.
-    """
-    if speaker is not None and speaker not in speakers:
-        known = ", ".join(speakers)
-        raise CospeechError(f"no training speaker is called {speaker!r}; there are {known}")
-    if seed_motion is not None:
-        raise CospeechError("this method can't continue a motion", "leave seed_motion out")
 
 
 @contextmanager

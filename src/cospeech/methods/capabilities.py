@@ -63,21 +63,6 @@ class HasSchedule(Protocol):
 
 
 @runtime_checkable
-class TakesControls(Protocol):
-    """A method whose motion can be asked to be like something."""
-
-    def parse_controls(self, values: Any) -> Any:
-        """Check what `GestureMethod.open` is given as controls, and return it as it is used.
-
-        Args:
-            values: Plain values, as a yaml or JSON file holds them.
-
-        Raises:
-            CospeechError: Something isn't understood; the message says what is.
-        """
-
-
-@runtime_checkable
 class NeedsStore(Protocol):
     """A method that looks things up in its prepared corpus, as a checkpoint doesn't hold them."""
 

@@ -10,8 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import Speech, Word
 
 
@@ -103,3 +105,33 @@ class WholeUtterance(Stream):
     def _end(self) -> Motion:
         words = None if self._words is None else tuple(self._words)
         return self._make(Speech(np.concatenate(self._pieces), words))
+
+
+def check_seed_motion(motion: Motion, window: WindowSpec) -> None:
+    """Refuse a motion that a method can't continue, before anything is heard.
+
+    Raises:
+        CospeechError: The method has no seed frames, or the motion is on other joints, at another
+            rate, too short, or holds NaN where it is read.
+    """
+    if not window.seed_frames:
+        raise CospeechError("this method can't continue a motion", "leave seed_motion out")
+    if motion.skeleton.joints != UPPER_BODY.joints or motion.dimensions != 3:
+        raise CospeechError(
+            f"the seed motion is on skeleton {motion.skeleton.name!r} in {motion.dimensions}"
+            " dimensions, not the upper body in 3",
+            "map it with cospeech.motion.upper_body.to_upper_body",
+        )
+    if abs(motion.fps - window.fps) > 1e-6:
+        raise CospeechError(
+            f"the seed motion runs at {motion.fps:g} fps, the method at {window.fps:g}",
+            "resample it with cospeech.motion.motion.resample_positions",
+        )
+    if len(motion) < window.seed_frames:
+        raise CospeechError(
+            f"the seed motion has {len(motion)} frames, {window.seed_frames} are needed"
+        )
+    if not np.isfinite(motion.positions[-window.seed_frames :]).all():
+        raise CospeechError(
+            f"the seed motion's last {window.seed_frames} frames hold NaN or infinity"
+        )

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 
 from cospeech.corpus.features.acoustics import ACOUSTICS, ENERGY, MFCC, PITCH
 from cospeech.corpus.features.audio import AUDIO
-from cospeech.corpus.features.cepstra import CEPSTRA
+from cospeech.corpus.features.cepstra import CEPSTRA, STATIC_CEPSTRA
 from cospeech.corpus.features.field import Field, FieldSource
 from cospeech.corpus.features.joints import JOINTS, PHASES, POSES, WRISTS
 from cospeech.corpus.features.mel import GESTICULATOR, TRIMODAL
@@ -49,6 +49,7 @@ FIELDS: Mapping[str, Field] = {
         PITCH,
         ENERGY,
         CEPSTRA,
+        STATIC_CEPSTRA,
         TRIMODAL,
         GESTICULATOR,
         MATCHED,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.corpus.features.field import SpeechField
+from cospeech.corpus.features.field import Context, SpeechField
 from cospeech.speech.feature_sets import opensmile
 from cospeech.speech.features import CEPSTRAL_MEL, energy, mfcc
 from cospeech.speech.pitch import SPEECH_PITCH, f0
@@ -61,5 +61,10 @@ PITCH = SpeechField(
     compute=_pitch,
 )
 ENERGY = SpeechField(
-    name="energy", reads="sound", unit="dB of full scale", fps=100.0, compute=_energy
+    name="energy",
+    reads="sound",
+    unit="dB of full scale",
+    fps=100.0,
+    context=Context(rows_before=2, rows_after=0, samples=320),  # the 40 ms around a row
+    compute=_energy,
 )

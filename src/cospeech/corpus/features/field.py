@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,20 @@ class Field:
     dtype: type[np.generic] = np.float32
 
 
+class Context(NamedTuple):
+    """What of the sound a row of a field looks at.
+
+    Attributes:
+        rows_before: Earlier rows, at the field's own rate.
+        rows_after: Later rows.
+        samples: Samples of sound that each of them looks at from its time on.
+    """
+
+    rows_before: int
+    rows_after: int
+    samples: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpeechField(Field):
     """A field of speech with values on the method's frames, computed once per corpus and kept.
@@ -59,6 +73,8 @@ class SpeechField(Field):
         fps: Its own frames per second, of which a method's frame takes the nearest; None: it is
             computed at the method's rate.
         sees_whole_clip: Whether a value depends on all of the sound, however far away.
+        context: What of the sound a row looks at; None where rows of a part of the sound aren't
+            those of the whole, to the bit.
         compute: ``(frames, width)`` of a speech that has sound: at its own rate as many as there
             are, at least one; else of the rate and the number of frames given.
     """
@@ -67,6 +83,7 @@ class SpeechField(Field):
     version: int | str = 1
     fps: float | None = None
     sees_whole_clip: bool = False
+    context: Context | None = None
     compute: Callable[[Speech, float, int], NDArray[np.float32]]
 
     def of_speech(

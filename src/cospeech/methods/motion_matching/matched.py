@@ -21,8 +21,9 @@ from cospeech.matching.control import Controls
 from cospeech.matching.database import MatchingDatabase, check_database, open_database
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import fit_database
+from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
-from cospeech.methods.base import GestureMethod, refuse_unknown
+from cospeech.methods.base import GestureMethod
 from cospeech.methods.streams import Stream, WholeUtterance
 from cospeech.metrics.gesture_statistics.movement import border_steps
 from cospeech.motion.motion import Motion
@@ -178,30 +179,6 @@ class MatchedMethod(GestureMethod):
     def _upper_body(self, poses: Tensor) -> Tensor:
         return torch.from_numpy(self.database.upper_body(poses.cpu().numpy())).to(self.device)
 
-    def open(
-        self,
-        speaker: str | None = None,
-        controls: Any = None,
-        seed_motion: Motion | None = None,
-        generator: torch.Generator | None = None,
-    ) -> Stream:
-        """Begin upper-body motion at 15 fps on `UPPER_BODY`.
-
-        Words are read where controls ask for keywords.
-
-        Args:
-            speaker: A training speaker's name; None draws one where motion of one speaker is used.
-            controls: See `parse_controls`.
-            seed_motion: Must be None: the search begins near a pose of the database.
-            generator: Draws the speaker and the first pose; None seeds one with 0.
-
-        Raises:
-            CospeechError: An unknown speaker, a seed motion, or controls that can't be read.
-        """
-        refuse_unknown(speaker, self.speakers, seed_motion)
-        schedule = None if controls is None else self.parse_controls(controls)
-        return self._opened(speaker, schedule, generator or torch.Generator().manual_seed(0))
-
     def parse_controls(self, values: Any) -> Controls:
         """A schedule, as `cospeech.matching.control.Controls.from_dict` reads it.
 
@@ -210,16 +187,38 @@ class MatchedMethod(GestureMethod):
         """
         return Controls.from_dict(values)
 
-    def _opened(
-        self, speaker: str | None, controls: Controls | None, generator: torch.Generator
+    def begin(
+        self,
+        speaker: str | None,
+        controls: Controls | None,
+        seed_motion: Motion | None,
+        generator: torch.Generator,
     ) -> Stream:
-        return WholeUtterance(
-            lambda speech: self._motion(
-                list(self.stages(speech, controls, generator, speaker).values())[-1]
-            )
-        )
+        """Begin upper-body motion at 15 fps on `UPPER_BODY`.
 
-    def _motion(self, poses: NDArray[np.float32]) -> Motion:
+        Words are read where controls ask for keywords. Without a speaker one is drawn, where motion
+        of one speaker is used. With controls the whole speech is waited for: a keyword holds before
+        its word is said.
+        """
+        if controls is not None:
+            return WholeUtterance(
+                lambda speech: self.upper_body_motion(
+                    list(self.stages(speech, controls, generator, speaker).values())[-1]
+                )
+            )
+        closed = self.closed_sequences(speaker, generator)
+        return self.stream(MatchedPieces(self.matcher, closed, generator))
+
+    @abstractmethod
+    def stream(self, pieces: MatchedPieces) -> Stream:
+        """The last of the `stages` of a speech without controls, as far as it was heard.
+
+        Args:
+            pieces: The search.
+        """
+
+    def upper_body_motion(self, poses: NDArray[np.float32]) -> Motion:
+        """What is put out of ``(F, J, 3)`` poses of the database's roles."""
         return Motion(UPPER_BODY, self.window.fps, self.database.upper_body(poses))
 
     # Judging -------------------------------------------------------------------------------

@@ -89,14 +89,9 @@ class MotionMatching(MatchedMethod, FittedWithoutSteps):
         closed = self.closed_sequences(speaker, generator)
         return {K_NN: self.matcher(speech, controls, generator, closed).poses}
 
-    def _opened(
-        self, speaker: str | None, controls: Controls | None, generator: torch.Generator
-    ) -> Stream:
-        """A search step by step; with controls, which are planned over all of a speech, at once."""
-        if controls is not None:
-            return super()._opened(speaker, controls, generator)
-        closed = self.closed_sequences(speaker, generator)
-        return _SteppedStream(MatchedPieces(self.matcher, closed, generator), self._motion)
+    def stream(self, pieces: MatchedPieces) -> Stream:
+        """The search's output, a step at a time."""
+        return _SteppedStream(pieces, self.upper_body_motion)
 
 
 class _SteppedStream(Stream):
@@ -105,7 +100,7 @@ class _SteppedStream(Stream):
     def __init__(
         self, pieces: MatchedPieces, to_motion: Callable[[NDArray[np.float32]], Motion]
     ) -> None:
-        super().__init__(pieces.look_ahead_s, pieces.look_ahead_s)
+        super().__init__(pieces.look_ahead_s, max(0.0, pieces.look_ahead_s))
         self._pieces, self._to_motion = pieces, to_motion
 
     def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion:

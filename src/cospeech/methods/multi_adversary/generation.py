@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
 
 import torch
 from torch import Tensor, distributed
@@ -11,9 +10,8 @@ from torch import Tensor, distributed
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.features.acoustics import ACOUSTICS
 from cospeech.corpus.features.positions import at_evaluation_rate
-from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.methods.base import GestureMethod, evaluating, refuse_unknown
+from cospeech.methods.base import GestureMethod, evaluating
 from cospeech.methods.multi_adversary.adversaries import classified
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.synthesis import (
@@ -138,29 +136,17 @@ class GeneratesGestures(GestureMethod):
         upper_body = evaluation_joints(joints, self.layout, self.head)
         return at_evaluation_rate(upper_body, self.window.fps)
 
-    def open(
+    def begin(
         self,
-        speaker: str | None = None,
-        controls: Any = None,
-        seed_motion: Motion | None = None,
-        generator: torch.Generator | None = None,
+        speaker: str | None,
+        controls: None,
+        seed_motion: Motion | None,
+        generator: torch.Generator,
     ) -> WholeUtterance:
         """Begin upper-body motion at 20 fps on `UPPER_BODY` (spec D 19; see `LongForm`).
 
-        Windows are made together, so the whole speech is waited for. Words aren't read.
-
-        Args:
-            speaker: A training speaker's name; the motion doesn't depend on it.
-            controls: Must be empty: there are none.
-            seed_motion: Must be None: motion comes from speech alone.
-            generator: Not used: there is nothing to draw.
-
-        Raises:
-            CospeechError: An unknown speaker, a seed motion, or a control.
+        The motion doesn't depend on the speaker, words aren't read, and there is nothing to draw.
         """
-        refuse_unknown(speaker, self.speakers, seed_motion)
-        if controls:
-            raise CospeechError(f"this method has no control {', '.join(map(str, controls))}")
         return WholeUtterance(self._motion_of)
 
     def _motion_of(self, speech: Speech) -> Motion:

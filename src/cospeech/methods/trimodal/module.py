@@ -19,9 +19,17 @@ from cospeech.methods.base import GestureMethod, evaluating
 from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
 from cospeech.methods.trimodal.losses import diversity_loss, reconstruction_loss, style_divergence
-from cospeech.methods.trimodal.networks import Context, ConvDiscriminator, Generator, Style
-from cospeech.methods.trimodal.style import known_controls
+from cospeech.methods.trimodal.networks import (
+    POSE_SIZE,
+    Context,
+    ConvDiscriminator,
+    Generator,
+    Style,
+)
+from cospeech.methods.trimodal.style import known_controls, read_style_request
 from cospeech.methods.trimodal.synthesis import (
+    Chunks,
+    Styles,
     Synthesiser,
     SynthesisOptions,
     draw_noise,
@@ -297,30 +305,23 @@ class Trimodal(GestureMethod):
             )
         return self.codec.decode(poses, unit_length=self.options.unit_length)
 
-    def open(
+    def begin(
         self,
-        speaker: str | None = None,
-        controls: Any = None,
-        seed_motion: Motion | None = None,
-        generator: torch.Generator | None = None,
+        speaker: str | None,
+        controls: dict[str, Any] | None,
+        seed_motion: Motion | None,
+        generator: torch.Generator,
     ) -> Stream:
         """Begin root-relative motion at 15 fps, chunk by chunk (section 3.3; spec 5).
 
         Chunks of 34 frames start every 30; each takes the last four frames of the one before as
         seeds, and the overlap is blended. Without a transcript the words are padding. Words outside
-        the vocabulary are logged; see ``subwords`` for what becomes of them.
-
-        Args:
-            speaker: A training speaker's name; None draws one unless a control is given.
-            controls: ``{"style": [16 numbers]}``, a point in the style space, or
-                ``{"speaker_mix": {"a": 0.3, "b": 0.7}}``, an interpolation between speakers.
-            seed_motion: Upper-body motion at 15 fps, facing +z, whose last four frames are
-                continued; None starts without seeds, as published.
-            generator: Source of every random draw; None seeds one with 0.
+        the vocabulary are logged; see ``subwords`` for what becomes of them. Without a seed motion
+        the first chunk has no seeds, as published.
 
         Raises:
-            CospeechError: An unknown speaker or control, or an unusable seed motion; of `push`, a
-                word vector file that is there but can't be read.
+            CospeechError: More than one wish for a style, or one that this model has no input for;
+                of `push`, a word vector file that is there but can't be read.
         """
         voice = Synthesiser(
             self.generator,
@@ -331,12 +332,19 @@ class Trimodal(GestureMethod):
             self.speakers,
             self.options,
         )
-        generator = generator or torch.Generator().manual_seed(0)
-        wishes = {} if controls is None else self.parse_controls(controls)
-        return voice.open(speaker, wishes, seed_motion, generator)
+        request = read_style_request(speaker, controls or {}, self.speakers, self.generator)
+        seeds = torch.zeros(0, POSE_SIZE, device=self.device)
+        if seed_motion is not None:
+            last = seed_motion.positions[-self.window.seed_frames :]
+            seeds = self.codec.encode(torch.tensor(last, dtype=torch.float32, device=self.device))
+        return Chunks(voice, Styles(request, voice, generator), seeds)
 
     def parse_controls(self, values: Any) -> dict[str, Any]:
-        """A point in the style space or a mix of speakers, see `open`.
+        """A point in the style space or a mix of speakers.
+
+        Args:
+            values: ``{"style": [16 numbers]}``, or ``{"speaker_mix": {"a": 0.3, "b": 0.7}}``, an
+                interpolation between speakers; one of them, and no speaker beside it.
 
         Raises:
             CospeechError: Not a mapping, or an unknown control.

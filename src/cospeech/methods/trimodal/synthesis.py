@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import CospeechError
 from cospeech.methods.base import evaluating
 from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import (
@@ -23,8 +21,8 @@ from cospeech.methods.trimodal.chunks import (
     hop_samples,
     seed_input,
 )
-from cospeech.methods.trimodal.networks import POSE_SIZE, Generator
-from cospeech.methods.trimodal.style import StyleRequest, read_style_request
+from cospeech.methods.trimodal.networks import Generator
+from cospeech.methods.trimodal.style import StyleRequest
 from cospeech.methods.trimodal.words import (
     EncodedWords,
     WordVectorFile,
@@ -82,23 +80,6 @@ class Synthesiser:
     vector_file: WordVectorFile | None
     speakers: list[str]
     options: SynthesisOptions
-
-    def open(
-        self,
-        speaker: str | None,
-        controls: Mapping[str, Any],
-        seed_motion: Motion | None,
-        generator: torch.Generator,
-    ) -> Chunks:
-        """See `cospeech.methods.trimodal.module.Trimodal.open`."""
-        request = read_style_request(speaker, controls, self.speakers, self.network)
-        device = next(self.network.parameters()).device
-        seeds = torch.zeros(0, POSE_SIZE, device=device)
-        if seed_motion is not None:
-            check_seed_motion(seed_motion, self.window)
-            last = seed_motion.positions[-self.window.seed_frames :]
-            seeds = self.codec.encode(torch.tensor(last, dtype=torch.float32, device=device))
-        return Chunks(self, Styles(request, self, generator), seeds)
 
 
 class Styles:
@@ -222,29 +203,3 @@ def draw_speakers(count: int, lowest: int, highest: int, generator: torch.Genera
 def draw_noise(count: int, size: int, generator: torch.Generator) -> Tensor:
     """``(count, size)`` standard normal draws, on the generator's device."""
     return torch.randn(count, size, generator=generator, device=generator.device)
-
-
-def check_seed_motion(motion: Motion, window: WindowSpec) -> None:
-    """Refuse a seed that the method can't continue from.
-
-    Raises:
-        CospeechError: Wrong joints, wrong frame rate, too short, or NaN among the frames used.
-    """
-    if motion.skeleton.joints != UPPER_BODY.joints:
-        raise CospeechError(
-            f"the seed motion is on skeleton {motion.skeleton.name!r}, not the upper body",
-            "map it with cospeech.motion.upper_body.to_upper_body",
-        )
-    if abs(motion.fps - window.fps) > 1e-6:
-        raise CospeechError(
-            f"the seed motion runs at {motion.fps:g} fps, the method at {window.fps:g}",
-            "resample it with cospeech.motion.motion.resample_positions",
-        )
-    if len(motion) < window.seed_frames:
-        raise CospeechError(
-            f"the seed motion has {len(motion)} frames, {window.seed_frames} are needed"
-        )
-    if not np.isfinite(motion.positions[-window.seed_frames :]).all():
-        raise CospeechError(
-            f"the seed motion's last {window.seed_frames} frames hold NaN or infinity"
-        )

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
 from cospeech.adversarial.adversary import Adversary
 from cospeech.adversarial.losses import ON_SCORES, chosen_losses
@@ -26,6 +26,7 @@ from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import database_folder
 from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
+from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
 from cospeech.methods.base import evaluating
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
@@ -38,6 +39,8 @@ from cospeech.methods.motion_matching.refinement.networks import Critic, Form, R
 from cospeech.methods.motion_matching.refinement.pair_windows import PairWindows, open_pair_windows
 from cospeech.methods.motion_matching.refinement.pairs import PairSettings
 from cospeech.methods.motion_matching.refinement.scales import Scales
+from cospeech.methods.motion_matching.refinement.streaming import RefinedStream
+from cospeech.methods.streams import Stream
 from cospeech.motion.skeleton import Skeleton
 from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS
 from cospeech.speech.speech import Speech
@@ -291,6 +294,11 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         seam = self.seam()
         return {"selection": values["fgd"] * max(seam, 1 / max(seam, 1e-9))}
 
+    @property
+    def speaking(self) -> Refiner:
+        """The generator that is judged and speaks."""
+        return self.averaged if self.averaging else self.generator
+
     # Motion --------------------------------------------------------------------------------
 
     def stages(
@@ -303,20 +311,30 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         """The search's output, and the same refined."""
         closed = self.closed_sequences(speaker, generator)
         matched = self.matcher(speech, controls, generator, closed).poses
-        refined = matched
-        if len(matched):
-            features = CEPSTRA.of_speech(speech, self.window.fps, len(matched))
-            cepstra = torch.from_numpy(features).to(self.device)
-            poses = torch.from_numpy(matched).to(self.device)
-            refined = self._refine(poses[None], cepstra[None])[0].cpu().numpy()
-        return {K_NN: matched, REFINED: refined}
+        cepstra = CEPSTRA.of_speech(speech, self.window.fps, len(matched))
+        return {
+            K_NN: matched,
+            REFINED: self._refined(matched, cepstra) if len(matched) else matched,
+        }
+
+    def stream(self, pieces: MatchedPieces) -> Stream:
+        """The search's output, refined eight frames at a time."""
+        return RefinedStream(
+            pieces, self.window.fps, self.speaking, self._refined, self.upper_body_motion
+        )
+
+    def _refined(
+        self, matched: NDArray[np.float32], cepstra: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        both = (torch.from_numpy(values)[None].to(self.device) for values in (matched, cepstra))
+        return self._refine(*both)[0].cpu().numpy()
 
     def _sample_poses(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
         return self._refine(batch.require("matched"), batch.require("cepstra"))
 
     @torch.no_grad()
     def _refine(self, poses: Tensor, cepstra: Tensor) -> Tensor:
-        network: nn.Module = self.averaged if self.averaging else self.generator
+        network = self.speaking
         with evaluating(network):
             refined = network(self.scales.speech(cepstra), self.scales.poses(poses))
         return self.scales.joints(refined)

@@ -22,6 +22,8 @@ Form = Literal["code", "paper"]
 POOLED = 8
 """Frames that the deepest convolutions see as one: inputs are made a multiple of it."""
 
+_CONTEXT: dict[Form, int] = {"code": 48, "paper": 64}
+
 _SLOPE = 0.2
 
 
@@ -40,6 +42,9 @@ class Refiner(nn.Module):
         form: See above.
         residual: Put out what is added to the matched poses, at first nothing, not the poses.
 
+    Attributes:
+        context: So many frames before and after `POOLED` ones these depend on, and no others.
+
     Raises:
         ConfigError: No such form.
     """
@@ -55,6 +60,7 @@ class Refiner(nn.Module):
         super().__init__()
         if form not in ("code", "paper"):
             raise ConfigError(f"no generator form {form!r}", "choose code or paper")
+        self.context = _CONTEXT[form]
         network = _UNet if form == "code" else _Hourglass
         self.network = network(audio + poses, poses, width)
         start_as_published(self)

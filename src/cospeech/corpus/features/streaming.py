@@ -1,0 +1,98 @@
+"""Fields of a speech that is heard piece by piece, at a cost that doesn't grow with its length."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cospeech.corpus.features.field import SpeechField, nearest
+from cospeech.errors import CospeechError
+from cospeech.speech.speech import SAMPLE_RATE, Speech, covering_frames
+
+
+class FieldStream:
+    """The rows of `SpeechField.of_speech`, to the bit, as soon as what they look at was heard.
+
+    Every row is computed once, and only the sound that later rows look at is held.
+
+    Args:
+        field: A field of sound with a context.
+        fps: The method's frames per second.
+
+    Attributes:
+        samples: Heard so far.
+        look_ahead_s: A row looks at no sound that is later than its frame by more, s.
+
+    Raises:
+        CospeechError: A value of the field depends on all of the sound.
+    """
+
+    def __init__(self, field: SpeechField, fps: float) -> None:
+        if field.context is None:
+            raise CospeechError(
+                f"{field.name} can't be computed piece by piece: it needs all of the sound",
+                "wait for it (cospeech.methods.streams.WholeUtterance), or choose another field",
+            )
+        self.samples = 0
+        self._field, self._fps, self._context = field, fps, field.context
+        self._rate = field.fps or fps
+        # So many rows on, a row begins at a whole sample again.
+        self._period = (SAMPLE_RATE / Fraction(self._rate)).denominator
+        self._sound, self._sound_from = np.zeros(0, dtype=np.float32), 0
+        self._rows = np.zeros((0, field.width or 0), dtype=np.float32)
+        self._rows_from = self._put_out = 0
+        # A row begins at a whole sample, up to half a one late, and may be half a row away.
+        nearest_s = 0.5 / field.fps if field.fps else 0.0
+        rows_s = self._context.rows_after / self._rate
+        self.look_ahead_s = rows_s + nearest_s + (self._context.samples + 1) / SAMPLE_RATE
+
+    def hear(self, samples: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The next rows ``(F, width)`` of the method's frames that further sound completes."""
+        self.samples += len(samples)
+        self._sound = np.concatenate([self._sound, samples])
+        done = complete = self._rows_from + len(self._rows)
+        while self._begins(complete + self._context.rows_after) <= self.samples:
+            complete += 1
+        if complete > done:
+            self._compute(complete, self._context.rows_after)
+            first = max(0, complete - self._context.rows_before)
+            first = first // self._period * self._period
+            drop = round((first - self._sound_from) * SAMPLE_RATE / self._rate)
+            self._sound, self._sound_from = self._sound[drop:], first
+        frames = self._put_out
+        while self._row_of(frames) < complete:
+            frames += 1
+        return self._until(frames)
+
+    def finish(self) -> NDArray[np.float32]:
+        """The rows that are left up to the end of the sound."""
+        frames = covering_frames(self.samples, self._fps)
+        if frames > self._put_out and len(self._sound):
+            self._compute(None if self._field.fps else frames, 0)
+        return self._until(frames)
+
+    def _begins(self, row: int) -> int:
+        return round(row * SAMPLE_RATE / self._rate) + self._context.samples
+
+    def _row_of(self, frame: int) -> int:
+        return round(frame / self._fps * self._rate) if self._field.fps else frame
+
+    def _compute(self, stop: int | None, extra: int) -> None:
+        """Add the rows up to one; the extra ones after it aren't whole, and aren't kept."""
+        wanted = 0 if stop is None else stop + extra - self._sound_from
+        values = self._field.compute(Speech(self._sound), self._rate, wanted)
+        done = self._rows_from + len(self._rows)
+        new = values[done - self._sound_from : None if stop is None else stop - self._sound_from]
+        self._rows = np.concatenate([self._rows, new])
+
+    def _until(self, frames: int) -> NDArray[np.float32]:
+        """The rows of the method's frames up to one."""
+        times_s = np.arange(self._put_out, frames) / self._fps
+        last = self._rows_from + len(self._rows)
+        due = self._rows[nearest(times_s, self._rate, last) - self._rows_from]
+        self._put_out = max(frames, self._put_out)
+        gone = max(0, min(self._row_of(self._put_out), last - 1) - self._rows_from)
+        self._rows, self._rows_from = self._rows[gone:], self._rows_from + gone
+        return due
