@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from collections import Counter
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -14,14 +15,15 @@ from cospeech.metrics.gesture_statistics.phase_structure import count_phases, ph
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemMotion
 from cospeech.reporting.gesture_figures import GestureFigures, text_table, write_gesture_figures
 from cospeech.reporting.gesture_figures.curves import range_chart, velocity_chart
-from cospeech.reporting.gesture_figures.looks import lines_of, looks_of, shown, title_of
 from cospeech.reporting.gesture_figures.phase_charts import (
     duration_chart,
     share_chart,
     transition_matrices,
 )
 from cospeech.reporting.gesture_figures.scatter import scatter_panels
+from cospeech.reporting.gesture_figures.system_styles import shown, system_styles, title_of
 from cospeech.reporting.gesture_figures.texts import findings_table, numbers_table, tally
+from tests.reporting.drawn import drawn, texts
 
 HOSTILE = '</td><script>alert("1")</script>&'
 ROLES = (
@@ -83,17 +85,6 @@ class Tags(HTMLParser):
         assert self.open.pop() == tag
 
 
-def lines(svg, style="line"):
-    """Points of the polylines of a chart, by CSS class of the system."""
-    found = {}
-    for element in ElementTree.fromstring(svg).iter("polyline"):
-        words = element.get("class").split()
-        if words[0] == style:
-            points = [tuple(map(float, p.split(","))) for p in element.get("points").split()]
-            found[words[1]] = points
-    return found
-
-
 def test_the_page_is_well_formed_and_needs_no_other_file(systems, tmp_path):
     annotated = phase_structure([count_phases(np.array([0, 1, 2, 3]), 4, 20.0)], 20.0)
     text = page(systems, tmp_path, annotated=annotated)
@@ -130,55 +121,50 @@ def test_everything_from_outside_is_escaped(tmp_path):
 
 
 def test_a_line_is_where_its_velocity_is(systems):
-    chart = velocity_chart(systems, looks_of([s.name for s in systems]), 20.0)
-    real, full, collapsed = (lines(chart)[style] for style in ("c0", "c1", "c2"))
+    chart = velocity_chart(systems, system_styles([s.name for s in systems]), 20.0)
+    lines = {title: paths[0] for title, paths in drawn(chart)}
+    real, full, collapsed = (lines[name] for name in ("real", "full model", "no minibatch"))
     assert len(real) == 99
-    # 20, 18 and 40 cm/s on an axis that begins at 0
-    floor = next(
-        float(e.get("d").split()[1].split("H")[0])
-        for e in ElementTree.fromstring(chart).iter("path")
-        if e.get("class") == "axis"
-    )
-    heights = [floor - line[0][1] for line in (real, full, collapsed)]
-    np.testing.assert_allclose(np.array(heights) / heights[0], [1, 0.9, 2], rtol=0.01)
+    # 20, 18 and 40 cm/s: real is twice as far from the third as ten times from the second
+    heights = [-line[0][1] for line in (real, full, collapsed)]
+    assert heights[2] - heights[0] == pytest.approx(10 * (heights[0] - heights[1]), abs=1.1)
     # evenly spaced steps
     np.testing.assert_allclose(np.diff([x for x, _ in real]), real[1][0] - real[0][0], atol=0.11)
+    assert {"0", "10", "40"} <= set(texts(chart))
 
 
 def test_lines_differ_without_their_colours():
     names = ["real", *"abcdefghijkl"]
-    looks = looks_of(names)
-    drawn = [(look.dash, look.marker) for look in looks.values()]
-    assert len(set(drawn)) == len(names)
-    assert len({look.style for look in list(looks.values())[:9]}) == 9
-    assert [look.style for look in looks.values()].count("c0") == 1
+    styles = system_styles(names)
+    assert len({(style.dash, style.marker) for style in styles.values()}) == len(names)
+    assert len({style.colour for style in list(styles.values())[:11]}) == 11
+    assert [style.colour for style in styles.values()].count("c0") == 1
 
 
-def test_names_at_the_right_neither_overlap_nor_leave_the_chart():
-    motions = [motion("real", 0.01), *(motion(f"s{i}", 0.0002 * i, 0) for i in range(12))]
+def test_lines_are_named_in_the_order_in_which_they_end():
+    motions = [motion("real", 0.01), *(motion(f"s{i}", 0.0015 * i, 0) for i in range(12))]
     found = measure_systems(SETTING, motions, 0, 5)
-    chart = ElementTree.fromstring(velocity_chart(found, looks_of([s.name for s in found]), 20.0))
-    names = [e for e in chart.iter("text") if e.get("class") == "name"]
-    heights = sorted(float(e.get("y")) for e in names)
-    assert len(heights) == 13
-    assert min(np.diff(heights)) >= 20.9
-    bottom = float(chart.get("viewBox").split()[3])
-    assert heights[0] > 0
-    assert heights[-1] < bottom
+    chart = velocity_chart(found, system_styles([s.name for s in found]), 20.0)
+    names = [text for text in texts(chart) if re.fullmatch(r"real|s\d+", text)]
+    assert names == ["s11", "s10", "s9", "s8", "s7", "real", *(f"s{i}" for i in range(6, -1, -1))]
+    root = ElementTree.fromstring(chart)
+    bottom = float(root.get("viewBox").split()[3])
+    heights = [float(e.get("y")) for e in root.iter("text") if e.text in names]
+    assert 0 < heights[0] < heights[-1] < bottom
+    assert min(np.diff(heights)) > 11
 
 
 def test_a_point_per_window_and_seed_in_the_range_chart():
     motions = [motion("real", 0.01), motion("full", 0.02, 0), motion("full", 0.03, 1)]
     found = measure_systems(SETTING, motions, 0, 5)
-    chart = range_chart(found, looks_of([s.name for s in found]))
-    points = [
-        e.get("d").count("M")
-        for e in ElementTree.fromstring(chart).iter("path")
-        if e.get("class").startswith("point")
-    ]
-    assert points == [12, 24]
+    chart = range_chart(found, system_styles([s.name for s in found]))
+    ids = {e.get("id"): e.get("style") for e in ElementTree.fromstring(chart).iter("path")}
+    points = Counter(ids[e.get("href")[1:]] for e in ElementTree.fromstring(chart).iter("use"))
+    by_colour = {re.search(r"--(c\d+)", style)[1]: count for style, count in points.items()}
+    assert by_colour == {"c0": 12, "c1": 24}
     # 99 steps of 1 cm straight up
-    assert "median 99.0 cm, quartiles 99.0 and 99.0 cm" in chart
+    assert drawn(chart)[0][0] == "median 99.0 cm, quartiles 99.0 and 99.0 cm"
+    assert {"real", "full model"} <= set(texts(chart))
 
 
 def test_scatter_shows_what_is_near_and_counts_what_is_beyond():
@@ -189,40 +175,37 @@ def test_scatter_shows_what_is_near_and_counts_what_is_beyond():
     # four positions a second of 20 frames: 20 of the first 100 frames
     assert "480 poses</small>" in text
     assert "480 poses, 20 of them beyond</small>" in text
-    dots = re.findall(r'class="dot left wrist" d="([^"]*)"', text.split("<figure>")[2])
-    assert sum(d.count("M") for d in dots) == 460
+    left_wrist = re.findall(r'd="([^"]*)" style="[^"]*#e8741c', text.split("<figure>")[2])
+    assert sum(dots.count("h0") for dots in left_wrist) == 460
 
 
 def test_shares_fill_the_bar_and_transitions_are_per_cent():
     structure = phase_structure([count_phases(np.array([0] * 5 + [1] * 10 + [2] * 5), 4, 20.0)], 20)
-    bar = ElementTree.fromstring(share_chart([("real", structure)], CLASSES))
-    rects = [e for e in bar.iter("rect") if e.find("title") is not None]
-    widths = [float(e.get("width")) for e in rects]
+    bars = drawn(share_chart([("real", structure)], CLASSES))
+    widths = [np.ptp([x for x, _ in corners]) for _, (corners,) in bars[:3]]
     np.testing.assert_allclose(np.array(widths) / sum(widths), [0.25, 0.5, 0.25], atol=1e-3)
-    assert [e.find("title").text for e in rects][1] == "stroke: 50.0 %"
+    assert [title for title, _ in bars[:2]] == ["preparation: 25.0 %", "stroke: 50.0 %"]
     matrix = transition_matrices([("real", structure)], CLASSES)
-    assert matrix.count(">100</text>") == 2
-    assert matrix.count(">0</text>") == 4
+    assert matrix.count(">100</td>") == 2
+    assert matrix.count(">0</td>") == 4
     # nothing follows hold, and other never comes
-    assert matrix.count(">\N{EN DASH}</text>") == 6
+    assert matrix.count(">\N{EN DASH}</td>") == 6
 
 
 def test_long_durations_end_in_an_arrow_and_missing_ones_are_named():
     short = phase_structure([count_phases(np.array([0, 0, 1, 1]), 2, 20.0)], 20.0)
     long = phase_structure([count_phases(np.zeros(600, dtype=int), 2, 20.0)], 20.0)
-    chart = ElementTree.fromstring(
-        duration_chart([("real", short), ("MSE only", long)], ("hold", "stroke"))
-    )
-    texts = [e.text for e in chart.iter("text")]
-    assert texts.count("0.10") == 2
-    assert "30.00" in texts
-    assert "never" in texts
-    assert len(list(chart.iter("circle"))) == 2
+    chart = duration_chart([("real", short), ("MSE only", long)], ("hold", "stroke"))
+    assert texts(chart).count("0.10") == 2
+    assert "30.00" in texts(chart)
+    assert "never" in texts(chart)
+    # two dots and a triangle that begins where no curve does
+    markers = [e.get("d") for e in ElementTree.fromstring(chart).iter("path") if e.get("id")]
+    assert sorted("C" in marker for marker in markers) == [False, True, True]
 
 
 def test_the_numbers_are_in_the_tables(systems):
-    looks = looks_of([s.name for s in systems])
-    table = numbers_table(systems, looks)
+    table = numbers_table(systems, system_styles([s.name for s in systems]))
     assert "<td>20.0<small>20.0 to 20.0</small><small>1.00 cm/frame</small></td>" in table
     assert "no minibatch &gt; real &gt; full model" in table
     text = text_table(systems, judge(systems))
@@ -266,4 +249,3 @@ def test_titles():
         "MSE only",
         "no motion",
     ]
-    assert lines_of("no displacement <b>", 12) == ["no", "displacement", "&lt;b&gt;"]

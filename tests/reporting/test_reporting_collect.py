@@ -2,15 +2,14 @@ import itertools
 import json
 import os
 import re
-import xml.etree.ElementTree as ET
 
 import pytest
 
 from cospeech.errors import CospeechError
 from cospeech.reporting.__main__ import main
-from cospeech.reporting.chart import Line, line_chart
 from cospeech.reporting.collect import collect, differences, group_runs
 from cospeech.reporting.report import text_report, write_report
+from tests.reporting.drawn import drawn
 from tests.reporting.records import record
 
 
@@ -174,30 +173,13 @@ def test_page_escapes_what_records_say(study):
 
 def test_curves_are_where_the_numbers_say(study):
     page = write_report(collect(study), study / "report.html").read_text()
-    svg = ET.fromstring(re.search(r"<svg.*?</svg>", page, re.S).group(0))
-    lines = svg.findall("polyline")
+    lines = drawn(re.search(r"<svg.*?</svg>", page, re.S).group(0))
     assert len(lines) == 4
-    points = [tuple(map(float, p.split(","))) for p in lines[0].get("points").split()]
+    ((points,),) = [paths for title, paths in lines if title == "trimodal, seed 0"]
     assert len(points) == 5
     # falling by one per epoch: equal steps right and down
     steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(points)]
     assert all(step[0] == pytest.approx(steps[0][0], abs=0.11) and step[1] > 0 for step in steps)
-    assert lines[0].find("title").text == "trimodal, seed 0"
-
-
-def test_chart_turns_logarithmic_and_skips_what_is_not_finite():
-    points = [(0, 1000.0), (1, float("nan")), (2, 10.0), (3, 0.1)]
-    svg = ET.fromstring(line_chart([Line("a & b", "red", points)], "epoch", "fgd"))
-    xy = [tuple(map(float, p.split(","))) for p in svg.find("polyline").get("points").split()]
-    assert len(xy) == 3
-    # two decades each: equal steps down
-    assert xy[1][1] - xy[0][1] == pytest.approx(xy[2][1] - xy[1][1], abs=0.11)
-    assert any("logarithmic" in (text.text or "") for text in svg.findall("text"))
-    assert line_chart([Line("a", "red", [(0, float("inf"))])], "x", "y") == ""
-    assert line_chart([Line("a", "red", [(0, 1e308), (1, -1e308)])], "x", "y") == ""
-    assert ET.fromstring(line_chart([Line("a", "red", [(0, 1e20), (1, 1e20)])], "x", "y"))
-    single = ET.fromstring(line_chart([Line("a", "red", [(4, 2.0)])], "x", "y"))
-    assert len(single.findall("circle")) == 1
 
 
 def test_command_prints_the_table_and_writes_the_page(study, capsys):

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from cospeech.errors import CospeechError
-from cospeech.files import replacing
 from cospeech.metrics import disturbances
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.functional import frechet_terms, joint_mae
 from cospeech.metrics.moments import feature_moments
 from cospeech.metrics.protocol import encode
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 LEVELS: dict[str, tuple[float, ...]] = {
     "gaussian": (0.0003, 0.001, 0.003),
@@ -103,83 +97,3 @@ def run_noise_study(
             numbers = (terms.total, terms.mean_term, terms.covariance_term, error)
             rows.append(NoiseRow(name, zeta, *(number.item() for number in numbers)))
     return rows
-
-
-_PANELS = {
-    "gaussian": ("Gaussian", "variance ζ"),
-    "salt_and_pepper": ("Salt & pepper", "probability ζ"),
-    "temporal": ("Temporal", "frames ζ"),
-    "multiplicative": ("Multiplicative", "factor ζ (1: undisturbed)"),
-    "mismatched": ("Mismatched", "fraction ζ"),
-}
-
-
-def plot_noise_study(rows: list[NoiseRow], path: str | Path) -> None:
-    """Draw the study as the paper's figure 4: FGD above, joint error below.
-
-    Args:
-        rows: What `run_noise_study` returned.
-        path: Image file to write; its ending chooses the format.
-
-    Raises:
-        CospeechError: Matplotlib is not installed.
-    """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise CospeechError(
-            "plotting the noise study needs matplotlib", 'pip install "cospeech[plots]"'
-        ) from error
-    names = list(dict.fromkeys(row.disturbance for row in rows))
-    by_name = {name: [row for row in rows if row.disturbance == name] for name in names}
-    widths = [len(by_name[name]) for name in names]
-    # A figure of its own, not pyplot's, leaves the caller's backend and open figures alone.
-    figure = Figure(figsize=(1.2 + 0.72 * sum(widths), 5.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(
-        2, len(names), sharex="col", sharey="row", squeeze=False, width_ratios=widths
-    )
-    for (upper, lower), name in zip(axes.T, names, strict=True):
-        title, meaning = _PANELS[name]
-        upper.set_title(title, fontsize=11)
-        lower.set_xlabel(meaning, fontsize=10)
-        zetas, fgds, mean_terms, covariance_terms, errors = zip(
-            *(row[1:] for row in by_name[name]), strict=True
-        )
-        parts: list[tuple[str, str, Sequence[float]]] = [
-            ("mean term", "#4c72b0", mean_terms),
-            ("covariance term", "#9db7dd", covariance_terms),
-        ]
-        _bars(upper, zetas, parts, [f"{fgd:.3g}" for fgd in fgds])
-        centimetres = [100 * error for error in errors]
-        parts = [("joint MAE", "#dd8452", centimetres)]
-        _bars(lower, zetas, parts, [f"{error:.3g}" for error in centimetres])
-    axes[0, 0].set_ylabel("FGD (feature units²)")
-    axes[1, 0].set_ylabel("joint MAE (cm)")
-    figure.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False
-    )
-    figure.suptitle("Metrics under synthetic disturbances of real motion", x=0.01, ha="left")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format=Path(path).suffix.removeprefix("."), dpi=160)
-
-
-def _bars(
-    axis: Axes,
-    zetas: Sequence[float],
-    parts: list[tuple[str, str, Sequence[float]]],
-    texts: list[str],
-) -> None:
-    """Stacked bars with a text on top of each stack."""
-    places = range(len(zetas))
-    tops = [0.0] * len(zetas)
-    for label, colour, heights in parts:
-        drawn = axis.bar(places, heights, bottom=tops, color=colour, label=label, width=0.7)
-        tops = [top + height for top, height in zip(tops, heights, strict=True)]
-    axis.bar_label(drawn, labels=texts, fontsize=8.5, padding=2)
-    axis.set_xticks(places, [f"{zeta:g}" for zeta in zetas])
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.grid(axis="y", alpha=0.3)
-    axis.set_axisbelow(True)
-    axis.margins(y=0.12)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 from cospeech.files import write_text
-from cospeech.reporting.chart import SERIES_COLOURS, Line, line_chart
+from cospeech.reporting.charts import SERIES, Line, line_chart
 from cospeech.reporting.collect import Collection, Group, Run, differences, group_runs, number
-from cospeech.reporting.markup import escaped, markdown, one_line
+from cospeech.reporting.markup import escaped, html_page, markdown, one_line
 from cospeech.reporting.results import Results, results_of
 from cospeech.reporting.tables import (
     MISSING,
@@ -97,15 +96,7 @@ def write_report(collection: Collection, path: str | Path) -> Path:
             for file, reason in collection.damaged
         )
         body.append(f'<h2>Damaged records</h2><section class="bad"><ul>{items}</ul></section>')
-    css = (files("cospeech.reporting") / "report.css").read_text(encoding="utf-8")
-    page = (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escaped(name)}: results</title><style>{css}</style></head>\n<body>\n"
-        + "\n".join(part for part in body if part)
-        + "\n</body></html>\n"
-    )
-    write_text(path, page)
+    write_text(path, html_page(f"{escaped(name)}: results", body))
     return path
 
 
@@ -137,7 +128,9 @@ def _results_section(results: Results, folder: Path) -> list[str]:
         for column in results.columns:
             text = _cell(row.get(column.key))
             if column.key == "label" and group is not None:
-                text = f'<i class="swatch" style="background:{colours[id(group)]}"></i>{text}'
+                text = (
+                    f'<i class="swatch" style="background: var(--{colours[id(group)]})"></i>{text}'
+                )
             cells.append(f"<td{_number_class(column)}>{text}</td>")
         lines.append(f"<tr{' class=reference' if group is None else ''}>{''.join(cells)}</tr>")
     heads = "".join(f"<th{_number_class(c)}>{escaped(c.heading)}</th>" for c in results.columns)
@@ -163,7 +156,11 @@ def _cell(value: Any) -> str:
 
 
 def _coloured(groups: Sequence[Group]) -> list[tuple[Group, str]]:
-    return [(g, SERIES_COLOURS[i % len(SERIES_COLOURS)]) for i, g in enumerate(groups)]
+    return [(g, SERIES[i % len(SERIES)]) for i, g in enumerate(groups)]
+
+
+def _swatch(colour: str) -> str:
+    return f'<i class="swatch" style="background: var(--{colour})"></i>'
 
 
 def _curves(members: Sequence[tuple[Group, Run]]) -> str:
@@ -193,8 +190,7 @@ def _curves(members: Sequence[tuple[Group, Run]]) -> str:
     if not any(parts):
         return ""
     legend = " ".join(
-        f'<span class="legend"><i class="swatch" style="background:{colour}"></i>'
-        f"{escaped(group.label)}</span>"
+        f'<span class="legend">{_swatch(colour)}{escaped(group.label)}</span>'
         for group, colour in colours.items()
     )
     return f"<h3>Validation, epoch by epoch</h3><section>{legend}{''.join(parts)}</section>"

@@ -10,19 +10,21 @@ import numpy as np
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.motion.phases import PHASES
+from cospeech.reporting.charts import colour
 from cospeech.reporting.corpus_report.charts import (
     Series,
     counts_in,
     hand_space,
     histogram,
+    length_bar,
     round_edges,
-    share_bars,
 )
 from cospeech.reporting.corpus_report.figures import draw_pose
 from cospeech.reporting.corpus_report.statistics import MOST_BLOCKS
 from cospeech.reporting.corpus_report.streaming import StreamingHistogram
 from cospeech.reporting.corpus_report.totals import CorpusStatistics
 from cospeech.reporting.corpus_report.unusual import Measure, fences, measures, short
+from cospeech.reporting.figure import PART_COLOURS
 
 _MOST_POSES = 3
 
@@ -90,7 +92,7 @@ def _per_recording(store: Store, statistics: CorpusStatistics, measure: Measure,
         f"median {short(middle)}{after}<br>5 to 95 %: {short(first)} to {short(last)}{after};"
         f" {len(known):,} recordings"
     )
-    series = [Series("", "bar", counts_in(values, edges))]
+    series = [Series("", colour("bar"), counts_in(values, edges))]
     return _panel(
         title, facts, histogram(series, edges, unit or title.lower(), "recordings", middle, marks)
     )
@@ -102,7 +104,7 @@ def _word_durations(durations: StreamingHistogram) -> str:
         return _absent(title, "no recording has a transcript with words")
     first, middle, last = (float(durations.quantile(q)[0]) for q in (0.05, 0.5, 0.95))
     edges = round_edges(0.0, max(float(durations.quantile(0.995)[0]), 0.2))
-    series = [Series("", "bar", durations.rebinned(edges)[0])]
+    series = [Series("", colour("bar"), durations.rebinned(edges)[0])]
     facts = (
         f"median {middle:.2f} s<br>5 to 95 %: {first:.2f} to {last:.2f} s;"
         f" {durations.total:,} words"
@@ -121,7 +123,10 @@ def _wrist_speeds(store: Store, statistics: CorpusStatistics) -> str:
     top = math.ceil(math.log10(fastest)) if fastest > 0 else 0
     edges = np.logspace(top - 4, top, 41)
     counts = speeds.rebinned(edges / factor)
-    series = [Series("left: ", "left", counts[0]), Series("right: ", "right", counts[1])]
+    series = [
+        Series(f"{side}: ", PART_COLOURS[f"{side}_arm"], own)
+        for side, own in zip(("left", "right"), counts, strict=True)
+    ]
     facts = "<br>".join(
         f'<i class="swatch {side}"></i>{side}: mean {short(mean)}, 95 % {short(last)} {unit}'
         for side, mean, last in zip(("left", "right"), means, lasts, strict=True)
@@ -135,7 +140,7 @@ def _levels(levels: StreamingHistogram) -> str:
         return _absent(title, "the corpus has no audio")
     first, middle, last = (float(levels.quantile(q)[0]) for q in (0.05, 0.5, 0.95))
     edges = np.arange(-96.0, 1.0, 3.0)
-    series = [Series("", "bar", levels.rebinned(edges)[0])]
+    series = [Series("", colour("bar"), levels.rebinned(edges)[0])]
     facts = f"median {middle:.0f} dBFS<br>5 to 95 %: {first:.0f} to {last:.0f} dBFS"
     return _panel(title, facts, histogram(series, edges, "dBFS", "blocks", middle))
 
@@ -181,13 +186,14 @@ def phases_section(store: Store, statistics: CorpusStatistics) -> str:
     if not frames.sum():
         return "<section>No recording has gesture phases.</section>"
     shares = frames / frames.sum()
-    bars = [
-        (name.replace("_", " "), float(share), f"{100 * share:.1f} %")
+    rows = "".join(
+        f'<tr><td>{name.replace("_", " ")}</td><td class="number">{100 * share:.1f} %</td>'
+        f'<td class="bar">{length_bar(share / shares.max())}</td></tr>'
         for name, share in zip(PHASES, shares, strict=True)
         if share
-    ]
+    )
     return (
-        f"<section>{share_bars(bars)}</section><p class='muted'>Share of"
+        f"<section><table class='dense'>{rows}</table></section><p class='muted'>Share of"
         f" {int(frames.sum()):,} frames of {statistics.phase_recordings:,} annotated recordings (of"
         f" {len(store.recordings):,}).</p>"
     )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.reporting.corpus_report.charts import length_bar
 from cospeech.reporting.corpus_report.statistics import WINDOW_FRAMES, WINDOW_STRIDE
 from cospeech.reporting.corpus_report.totals import CorpusStatistics, SplitTotals
 from cospeech.reporting.markup import escaped
@@ -142,9 +143,8 @@ def _share_table(noun: str, lines: Sequence[tuple[str, int, str]]) -> str:
     rows = "".join(
         f"<tr><td>{escaped(name)}</td>"
         f'<td class="number {style}">{count:,}</td>'
-        f'<td class="number">{100 * count / whole:.1f} %</td><td style="width:55%">'
-        f'<svg viewBox="0 0 300 12" class="shares" preserveAspectRatio="none" height="12">'
-        f'<rect class="bar" y="2" height="8" width="{300 * count / whole:.1f}"/></svg></td></tr>'
+        f'<td class="number">{100 * count / whole:.1f} %</td>'
+        f'<td class="bar">{length_bar(count / whole)}</td></tr>'
         for name, count, style in lines
     )
     return f"<table><tr><th>{noun}</th><th></th><th></th><th></th></tr>{rows}</table>"

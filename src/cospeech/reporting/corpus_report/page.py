@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from cospeech.corpus.splits import Span
@@ -26,7 +25,7 @@ from cospeech.reporting.corpus_report.listings import (
 from cospeech.reporting.corpus_report.overview import dropped_section, splits_section, tiles
 from cospeech.reporting.corpus_report.statistics import corpus_statistics
 from cospeech.reporting.corpus_report.windows import choose_windows, draw_window
-from cospeech.reporting.markup import escaped
+from cospeech.reporting.markup import escaped, html_page
 
 WINDOWS_DRAWN = 10
 
@@ -65,18 +64,7 @@ def write_corpus_report(store: Store, path: Path, seed: int = 0) -> None:
         f"<nav>{links}</nav>",
         *(f'<h2 id="{key}">{title}</h2>{content}' for key, title, content in sections),
     ]
-    css = "".join(
-        (files("cospeech.reporting") / sheet).read_text(encoding="utf-8")
-        for sheet in ("report.css", "corpus_report/corpus.css")
-    )
-    page = (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{name}: corpus</title><style>{css}</style></head>\n<body>\n"
-        + "\n".join(body)
-        + "\n</body></html>\n"
-    )
-    write_text(path, page)
+    write_text(path, html_page(f"{name}: corpus", body, "corpus_report/corpus.css"))
 
 
 def _subtitle(store: Store) -> str:

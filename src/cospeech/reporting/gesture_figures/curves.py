@@ -2,216 +2,137 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cospeech.metrics.gesture_statistics.systems import REAL, SystemStatistics
-from cospeech.reporting.chart import ticks
-from cospeech.reporting.gesture_figures.looks import Look, centred_text, title_of
-from cospeech.reporting.markup import escaped
+from cospeech.reporting.charts import chart_style, colour, inline_svg, new_axes, titled
+from cospeech.reporting.gesture_figures.system_styles import SystemStyle, title_of
+from cospeech.reporting.markup import one_line
 
-_WIDTH, _HEIGHT = 1080, 420
-_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 286, 22, 46
-_LABEL_APART = 21
-_SAMPLE = 34
-_TICK_ROOM = 30
+_WIDTH, _HEIGHT, _LEFT = 1080, 420, 62
 _MARK_EVERY = 14
 _GOLDEN = 0.6180339887
 _STRIP_GAP = 0.22
 _CM = 100.0
 
 
-def velocity_chart(systems: Sequence[SystemStatistics], looks: dict[str, Look], fps: float) -> str:
+@chart_style()
+def velocity_chart(
+    systems: Sequence[SystemStatistics], styles: dict[str, SystemStyle], fps: float
+) -> str:
     """Median wrist velocity at each step, every system in one SVG chart.
 
-    Lines differ in dash and marker too, and each ends at its name. The band is the 95 % interval
-    of real's curve.
+    Lines differ in dash and marker too, and are named in the order in which they end. The band is
+    the 95 % interval of real's curve.
 
     Args:
         systems: Real first.
-        looks: By name.
+        styles: By name.
         fps: Steps per second.
     """
-    curves = {system.name: _CM * system.velocity for system in systems}
-    steps = len(systems[0].velocity)
-    band = systems[0].velocity_band
-    tops = [curve.max() for curve in curves.values()] + ([] if band is None else [_CM * band.max()])
-    high = 1.04 * max(1e-6, float(max(tops)))
-    right, floor = _WIDTH - _RIGHT, _HEIGHT - _BOTTOM
-
-    def x_at(step: float) -> float:
-        return _LEFT + (step - 1) / max(1, steps - 1) * (right - _LEFT)
-
-    def y_at(value: float) -> float:
-        return floor - value / high * (floor - _TOP)
-
-    parts = [f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" class="plot">']
-    parts += _axes(high, right, floor, fps, steps)
-    parts += [
-        f'<text x="{x_at(step):.1f}" y="{floor + 18}" text-anchor="middle">{step}</text>'
-        for step in [1, *range(10, steps + 1, 10)]
-    ]
-    if band is not None:
-        xs = [x_at(step) for step in range(1, steps + 1)]
-        edge = [f"{x:.1f},{y_at(_CM * y):.1f}" for x, y in zip(xs, band[1], strict=True)]
-        edge += [f"{x:.1f},{y_at(_CM * y):.1f}" for x, y in zip(xs, band[0], strict=True)][::-1]
-        parts.append(f'<polygon class="band" points="{" ".join(edge)}"/>')
+    figure, axes = new_axes(_WIDTH, _HEIGHT, _LEFT, right=282, top=22, bottom=46)
+    steps = np.arange(1, len(systems[0].velocity) + 1)
+    lines = {}
     for place, system in reversed(list(enumerate(systems))):
-        parts.append(_line(system, looks[system.name], place, curves[system.name], x_at, y_at))
-    ends = {name: y_at(float(curve[-1])) for name, curve in curves.items()}
-    parts += _names(ends, looks, right, _TOP + 8, floor)
-    return "".join(parts) + "</svg>"
-
-
-def _axes(high: float, right: float, floor: float, fps: float, steps: int) -> list[str]:
-    parts = []
-    for tick in ticks(0.0, high):
-        y = floor - tick / high * (floor - _TOP)
-        parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
-        parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{tick:g}</text>')
-    for tick in ticks(0.0, high / fps, 5):
-        y = floor - tick * fps / high * (floor - _TOP)
-        parts.append(f'<path class="tick" d="M{right} {y:.1f}h4"/>')
-        parts.append(f'<text x="{right + 7}" y="{y + 4:.1f}">{tick:g}</text>')
-    middle = (floor + _TOP) / 2
-    return [
-        *parts,
-        f'<path class="axis" d="M{_LEFT} {floor}H{right}V{_TOP}"/>',
-        f'<text x="{(_LEFT + right) / 2}" y="{_HEIGHT - 8}" text-anchor="middle">predicted step'
-        f" ({fps:g} per second, {steps} of them)</text>",
-        f'<text transform="translate(16 {middle}) rotate(-90)" text-anchor="middle">median wrist'
-        " velocity, cm/s</text>",
-        f'<text x="{right + 7}" y="{_TOP - 3}">cm per frame</text>',
-    ]
-
-
-def _line(
-    system: SystemStatistics,
-    look: Look,
-    place: int,
-    curve: NDArray[np.float64],
-    x_at: Callable[[float], float],
-    y_at: Callable[[float], float],
-) -> str:
-    points = [(x_at(step + 1), y_at(float(value))) for step, value in enumerate(curve)]
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    bold = " bold" if system.name == REAL else ""
-    first = (3 + 5 * place) % _MARK_EVERY
-    marks = "".join(look.mark(*point) for point in points[first::_MARK_EVERY])
-    title = f"<title>{escaped(title_of(system.name))}</title>"
-    line = (
-        f'<polyline class="line {look.style}{bold}" points="{path}"{_dash(look)}>{title}</polyline>'
+        style = styles[system.name]
+        title = one_line(title_of(system.name))
+        (lines[system.name],) = axes.plot(
+            steps,
+            _CM * system.velocity,
+            color=colour(style.colour),
+            linewidth=3.4 if system.name == REAL else 1.8,
+            linestyle=(0, style.dash) if style.dash else "-",
+            marker=style.marker,
+            markersize=6,
+            markeredgecolor=colour("panel"),
+            markevery=((3 + 5 * place) % _MARK_EVERY, _MARK_EVERY),
+            label=title,
+        )
+        titled(lines[system.name], title)
+    band = systems[0].velocity_band
+    if band is not None:
+        axes.fill_between(steps, *(_CM * band), color=colour("c0"), alpha=0.1, linewidth=0)
+    axes.set_ylim(bottom=0)
+    axes.set_xticks([1, *range(10, len(steps) + 1, 10)])
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(axis="y")
+    axes.set_xlabel(f"predicted step ({fps:g} per second, {len(steps)} of them)")
+    axes.set_ylabel("median wrist velocity, cm/s")
+    per_frame = axes.secondary_yaxis(
+        "right",
+        functions=(lambda speed: np.divide(speed, fps), lambda move: np.multiply(move, fps)),
     )
-    return line + (f'<path class="marker {look.style}" d="{marks}"/>' if marks else "")
+    per_frame.set_ylabel("cm per frame")
+    per_frame.yaxis.set_major_formatter("{x:g}")
+    handles = [lines[s.name] for s in sorted(systems, key=lambda s: -float(s.velocity[-1]))]
+    axes.legend(
+        handles=handles,
+        loc="center left",
+        bbox_to_anchor=(1.08, 0.5),
+        handlelength=3.5,
+        fontsize=11,
+    )
+    return inline_svg(figure, "plot")
 
 
-def _dash(look: Look) -> str:
-    return f' stroke-dasharray="{look.dash}"' if look.dash else ""
-
-
-def _names(
-    ends: dict[str, float], looks: dict[str, Look], right: float, top: float, floor: float
-) -> list[str]:
-    """Names at the right, each near its line's end, none over another."""
-    order = sorted(ends, key=lambda name: ends[name])
-    apart = min(_LABEL_APART, (floor - top) / max(1, len(order) - 1))
-    places: list[float] = []
-    for name in order:
-        low = places[-1] + apart if places else top
-        places.append(max(ends[name], low))
-    overflow = places[-1] - floor
-    for i in range(len(places) - 1, -1, -1):
-        limit = floor if i == len(places) - 1 else places[i + 1] - apart
-        places[i] = min(places[i], limit) if overflow > 0 else places[i]
-    parts = []
-    for name, y in zip(order, places, strict=True):
-        look, x = looks[name], right + 66
-        bold = " bold" if name == REAL else ""
-        parts.append(
-            f'<path class="lead" d="M{right + _TICK_ROOM} {ends[name]:.1f}L{x - 4} {y:.1f}"/>'
-            f'<path class="line {look.style}{bold}" d="M{x} {y:.1f}h{_SAMPLE}"{_dash(look)}/>'
-        )
-        if look.marker:
-            parts.append(f'<path class="marker {look.style}" d="{look.mark(x + _SAMPLE / 2, y)}"/>')
-        parts.append(
-            f'<text class="name" x="{x + _SAMPLE + 8}" y="{y + 4:.1f}">'
-            f"{escaped(title_of(name))}</text>"
-        )
-    return parts
-
-
-def range_chart(systems: Sequence[SystemStatistics], looks: dict[str, Look]) -> str:
+@chart_style()
+def range_chart(systems: Sequence[SystemStatistics], styles: dict[str, SystemStyle]) -> str:
     """Range of each window as a point, quartiles as a box, one column per system, in SVG.
 
     Training seeds have their points side by side, and one box together. The dashed line is the
     median of real motion.
     """
-    values = {system.name: _CM * system.ranges for system in systems}
-    lowest = min(float(v.min()) for v in values.values())
-    highest = max(float(v.max()) for v in values.values())
-    margin = 0.05 * max(highest - lowest, 1.0)
-    low, high = max(0.0, lowest - margin), highest + margin
-    low = 0.0 if low < 0.4 * high else low
-    right, height, bottom = 1064, 420, 56
-    floor, slot = height - bottom, (right - _LEFT) / len(systems)
-
-    def y_at(value: float) -> float:
-        return floor - (value - low) / (high - low) * (floor - _TOP)
-
-    parts = [f'<svg viewBox="0 0 1080 {height}" role="img" class="plot">']
-    for tick in ticks(low, high):
-        y = y_at(tick)
-        parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
-        parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{tick:g}</text>')
-    middle = y_at(float(np.median(values[systems[0].name])))
-    parts.append(f'<path class="median" d="M{_LEFT} {middle:.1f}H{right}"/>')
-    for i, system in enumerate(systems):
-        centre = _LEFT + slot * (i + 0.5)
-        parts += _column(values[system.name], looks[system.name], centre, slot, y_at)
-        parts.append(
-            centred_text(centre, floor + 20, title_of(system.name), max(8, int(slot / 7.5)), "name")
+    figure, axes = new_axes(_WIDTH, _HEIGHT, _LEFT, right=16, top=22, bottom=56)
+    axes.set_xlim(-0.5, len(systems) - 0.5)
+    under: dict[str, Any] = {"ha": "center", "transform": axes.transAxes}
+    slot = (_WIDTH - _LEFT - 16) / len(systems)
+    for place, system in enumerate(systems):
+        style, values = styles[system.name], _CM * system.ranges
+        ink = colour(style.colour)
+        width = min(44 / slot, 0.34)
+        drawn = axes.boxplot(
+            values.ravel(),
+            positions=[place - 0.06 - width / 2],
+            widths=width,
+            whis=(0, 100),
+            showcaps=False,
+            patch_artist=True,
+            manage_ticks=False,
+            boxprops={"facecolor": f"{ink}29", "edgecolor": ink, "linewidth": 1.2},
+            whiskerprops={"color": ink, "linewidth": 1.2},
+            medianprops={"color": ink, "linewidth": 3},
         )
-    parts.append(
-        f'<path class="axis" d="M{_LEFT} {floor}H{right}"/>'
-        f'<text transform="translate(16 {(floor + _TOP) / 2}) rotate(-90)" text-anchor="middle">'
-        "largest distance from the mean pose, cm</text></svg>"
-    )
-    return "".join(parts)
-
-
-def _column(
-    values: NDArray[np.float64],
-    look: Look,
-    centre: float,
-    slot: float,
-    y_at: Callable[[float], float],
-) -> list[str]:
-    box = min(44.0, 0.34 * slot)
-    left = centre - 0.06 * slot - box
-    first, middle, last = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
-    low, high = values.min(), values.max()
-    whiskers = f"M{left + box / 2:.1f} {y_at(low):.1f}V{y_at(first):.1f}M{left + box / 2:.1f} "
-    whiskers += f"{y_at(last):.1f}V{y_at(high):.1f}"
-    marker = look.marker or "M{x} {y}m-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0 -6.4 0z"
-    # the golden ratio spreads neighbours in rank evenly over the column, without a draw
-    seeds, count = values.shape
-    offsets = (np.arange(count) * _GOLDEN) % 1.0
-    strip = min(60.0 * seeds, 0.44 * slot) / (seeds - _STRIP_GAP)
-    points = "".join(
-        marker.format(
-            x=f"{centre + 0.02 * slot + strip * (seed + (1 - _STRIP_GAP) * offset):.1f}",
-            y=f"{y_at(value):.1f}",
-        )
-        for seed in range(seeds)
-        for offset, value in zip(offsets, np.sort(values[seed]), strict=True)
-    )
-    text = f"median {middle:.1f} cm, quartiles {first:.1f} and {last:.1f} cm"
-    return [
-        f'<path class="whisker {look.style}" d="{whiskers}"/>',
-        f'<rect class="box {look.style}" x="{left:.1f}" y="{y_at(last):.1f}" width="{box:.1f}"'
-        f' height="{max(1.0, y_at(first) - y_at(last)):.1f}"><title>{text}</title></rect>',
-        f'<path class="middle {look.style}" d="M{left:.1f} {y_at(middle):.1f}h{box:.1f}"/>',
-        f'<path class="point {look.style}" d="{points}"/>',
-    ]
+        first, middle, last = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
+        text = f"median {middle:.1f} cm, quartiles {first:.1f} and {last:.1f} cm"
+        titled(drawn["boxes"][0], text)
+        # the golden ratio spreads neighbours in rank evenly over the column, without a draw
+        seeds, count = values.shape
+        offsets = _STRIP_GAP + (1 - _STRIP_GAP) * ((np.arange(count) * _GOLDEN) % 1.0)
+        strip = min(60.0 * seeds / slot, 0.44) / seeds
+        for seed in range(seeds):
+            axes.plot(
+                place + strip * (seed + offsets),
+                np.sort(values[seed]),
+                style.marker or "o",
+                color=ink,
+                markersize=5.5,
+                markeredgewidth=0,
+                alpha=0.62,
+            )
+        name = textwrap.wrap(one_line(title_of(system.name)), max(8, int(slot / 7.5)))
+        for row, line in enumerate(name):
+            # line by line: each is centred in whatever font the page has
+            axes.text((place + 0.5) / len(systems), -0.055 - 0.04 * row, line, **under)
+    reals = axes.axhline(float(np.median(_CM * systems[0].ranges)), ls=(0, (5, 4)), lw=1)
+    reals.set(color=colour("text"), alpha=0.6, zorder=1)
+    low, high = axes.get_ylim()
+    axes.set_ylim(0 if low < 0.4 * high else low, high)
+    axes.set_xticks([])
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(axis="y")
+    axes.set_ylabel("largest distance from the mean pose, cm")
+    return inline_svg(figure, "plot")

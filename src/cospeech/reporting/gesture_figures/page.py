@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 from cospeech.files import write_text
@@ -12,20 +11,20 @@ from cospeech.metrics.gesture_statistics.findings import Verdict
 from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemStatistics
 from cospeech.reporting.gesture_figures.curves import range_chart, velocity_chart
-from cospeech.reporting.gesture_figures.looks import looks_of, title_of
 from cospeech.reporting.gesture_figures.phase_charts import (
     duration_chart,
     share_chart,
     transition_matrices,
 )
 from cospeech.reporting.gesture_figures.scatter import scatter_panels
+from cospeech.reporting.gesture_figures.system_styles import system_styles, title_of
 from cospeech.reporting.gesture_figures.texts import (
     bones_table,
     findings_table,
     numbers_table,
     tally,
 )
-from cospeech.reporting.markup import escaped
+from cospeech.reporting.markup import escaped, html_page
 
 PAPER = "Ferstl, Neff and McDonnell 2020"
 
@@ -81,18 +80,7 @@ def write_gesture_figures(figures: GestureFigures, path: str | Path) -> Path:
         f"<nav>{links}</nav>",
         *(f'<h2 id="{key}">{title}</h2>{content}' for key, title, content in sections),
     ]
-    css = "".join(
-        (files("cospeech.reporting") / sheet).read_text(encoding="utf-8")
-        for sheet in ("report.css", "gesture_figures/gestures.css")
-    )
-    page = (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{name}: gestures</title><style>{css}</style></head>\n<body>\n"
-        + "\n".join(body)
-        + "\n</body></html>\n"
-    )
-    write_text(path, page)
+    write_text(path, html_page(f"{name}: gestures", body, "gesture_figures/gestures.css"))
     return path
 
 
@@ -122,7 +110,7 @@ def _findings(figures: GestureFigures) -> str:
 
 def _velocity(figures: GestureFigures) -> str:
     systems, setting = figures.systems, figures.setting
-    chart = velocity_chart(systems, looks_of([s.name for s in systems]), setting.fps)
+    chart = velocity_chart(systems, system_styles([s.name for s in systems]), setting.fps)
     windows = len(setting.window_recordings)
     several = "; the mean of its training seeds" if any(len(s.seeds) > 1 for s in systems) else ""
     return (
@@ -134,7 +122,7 @@ def _velocity(figures: GestureFigures) -> str:
 
 def _range(figures: GestureFigures) -> str:
     systems = figures.systems
-    chart = range_chart(systems, looks_of([s.name for s in systems]))
+    chart = range_chart(systems, system_styles([s.name for s in systems]))
     count = len(figures.setting.range_windows)
     several = any(len(system.seeds) > 1 for system in systems)
     seeds = " Each training seed has a strip of points." if several else ""
@@ -183,7 +171,7 @@ def _numbers(figures: GestureFigures) -> str:
         " halves of its recordings: a distance of that size is hardly one."
     )
     return (
-        f"<section>{numbers_table(systems, looks_of([s.name for s in systems]))}"
+        f"<section>{numbers_table(systems, system_styles([s.name for s in systems]))}"
         "<details><summary>bone by bone: mean length, and variation over time</summary>"
         f"{bones_table(systems, setting.roles, setting.bones)}</details></section>"
         f"<p class='muted'>{note}</p>"

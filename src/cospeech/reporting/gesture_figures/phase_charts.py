@@ -3,151 +3,126 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
-from cospeech.reporting.chart import ticks
-from cospeech.reporting.gesture_figures.looks import phase_style
-from cospeech.reporting.markup import escaped
+from cospeech.reporting.charts import chart_style, colour, inline_svg, new_axes, new_figure, titled
+from cospeech.reporting.gesture_figures.system_styles import phase_colour
+from cospeech.reporting.markup import escaped, one_line
 
 Row = tuple[str, PhaseStructure]
 """A system's title and its phases."""
 
-_LABEL, _WIDTH, _ROW = 196, 1080, 30
+_LABEL, _WIDTH = 196, 1080
 _LONGEST = 2.5
+_STRONG = 0.55
+_ON_LIGHT, _ON_DARK = "#10151c", "#fefefe"
 
 
+@chart_style()
 def share_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
     """Shares of time as stacked SVG bars, one per row, with a legend."""
-    room = _WIDTH - _LABEL - 8
-    height = _ROW * len(rows) + 34
-    parts = [f'<svg viewBox="0 0 {_WIDTH} {height}" role="img" class="plot">']
-    x = float(_LABEL)
-    for phase in classes:
-        parts.append(
-            f'<rect class="{phase_style(phase)}" x="{x:.1f}" y="4" width="13" height="13" rx="2"/>'
-            f'<text class="name" x="{x + 19:.1f}" y="15">{escaped(phase.replace("_", " "))}'
-            "</text>"
+    figure, axes = new_axes(_WIDTH, 34 + 30 * len(rows), _LABEL, right=8, top=28, bottom=2)
+    shares = np.nan_to_num([structure.shares for _, structure in rows])
+    starts = np.cumsum(shares, axis=1) - shares
+    for k, phase in enumerate(classes):
+        name, fill = _name(phase), phase_colour(phase)
+        bars = axes.barh(
+            range(len(rows)),
+            shares[:, k],
+            left=starts[:, k],
+            height=0.74,
+            color=colour(fill),
+            edgecolor=colour("panel"),
+            label=name,
         )
-        x += 40 + 7.2 * len(phase)
-    for i, (title, structure) in enumerate(rows):
-        y = 28 + _ROW * i
-        parts.append(
-            f'<text class="name" x="{_LABEL - 10}" y="{y + 16}" text-anchor="end">'
-            f"{escaped(title)}</text>"
-        )
-        x = float(_LABEL)
-        for phase, share in zip(classes, structure.shares, strict=True):
-            width = room * (share if np.isfinite(share) else 0.0)
-            if width <= 0:
-                continue
-            text = f"{100 * share:.0f}"
-            parts.append(
-                f'<rect class="{phase_style(phase)}" x="{x:.1f}" y="{y}" width="{width:.1f}"'
-                f' height="{_ROW - 8}"><title>{escaped(phase)}: {100 * share:.1f} %</title>'
-                "</rect>"
-            )
-            if width > 26:
-                parts.append(
-                    f'<text class="in {phase_style(phase)}" x="{x + width / 2:.1f}"'
-                    f' y="{y + 15.5}" text-anchor="middle">{text} %</text>'
-                )
-            x += width
-    return "".join(parts) + "</svg>"
+        for row, bar in enumerate(bars):
+            share = float(shares[row, k])
+            titled(bar, f"{name}: {100 * share:.1f} %")
+            if share > 0.03:
+                ink = {"p0": colour("text"), "p2": _ON_DARK, "p5": _ON_DARK}.get(fill, _ON_LIGHT)
+                place = (starts[row, k] + share / 2, row)
+                text = f"{100 * share:.0f} %"
+                axes.annotate(text, place, color=ink, ha="center", va="center")
+    axes.set(xlim=(0, 1), ylim=(len(rows) - 0.5, -0.5))
+    axes.set_xticks([])
+    axes.set_yticks(range(len(rows)), [one_line(title) for title, _ in rows], color=colour("text"))
+    axes.spines[:].set_visible(False)
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(0, 1), ncols=len(classes), handlelength=1, borderpad=0
+    )
+    return inline_svg(figure, "plot")
 
 
+@chart_style()
 def duration_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
     """Mean duration of each phase: a panel per phase, a row per system; the line is the first's.
 
     The axis ends at 2.5 times the first's longest; what lasts longer ends in an arrow.
     """
-    first_row = np.nanmax([0.1, *rows[0][1].mean_durations_s])
-    every = np.nanmax([[0.1, *structure.mean_durations_s] for _, structure in rows])
-    longest = min(every, _LONGEST * first_row)
-    gap = 18.0
-    panel = (_WIDTH - _LABEL - gap * len(classes)) / len(classes)
-    floor = 26 + 24 * len(rows)
-    parts = [f'<svg viewBox="0 0 {_WIDTH} {floor + 36}" role="img" class="plot">']
-    for i, (title, _) in enumerate(rows):
-        parts.append(
-            f'<text class="name" x="{_LABEL - 10}" y="{26 + 24 * i + 15}" text-anchor="end">'
-            f"{escaped(title)}</text>"
-        )
-    for k, phase in enumerate(classes):
-        left = _LABEL + k * (panel + gap)
-        # room for the number to the right of the longest bar
-        scale = (panel - 42) / longest
-        parts.append(
-            f'<text class="name" x="{left:.1f}" y="15">{escaped(phase.replace("_", " "))}</text>'
-        )
-        for tick in ticks(0.0, float(longest), 3):
-            x = left + tick * scale
-            parts.append(
-                f'<path class="grid" d="M{x:.1f} 22V{floor}"/><text x="{x:.1f}" y="{floor + 15}"'
-                f' text-anchor="middle">{tick:g}</text>'
-            )
-        first = float(rows[0][1].mean_durations_s[k])
-        if np.isfinite(first):
-            parts.append(f'<path class="median" d="M{left + first * scale:.1f} 22V{floor}"/>')
-        for i, (_, structure) in enumerate(rows):
-            value = float(structure.mean_durations_s[k])
-            y = 26 + 24 * i + 11
+    durations = np.array([structure.mean_durations_s for _, structure in rows])
+    longest = min(np.nanmax([*durations.flat, 0.1]), _LONGEST * np.nanmax([*durations[0], 0.1]))
+    height = 62 + 24 * len(rows)
+    figure = new_figure(_WIDTH, height)
+    figure.subplots_adjust(_LABEL / _WIDTH, 36 / height, 1, 1 - 24 / height, 0.1)
+    panels = figure.subplots(1, len(classes), sharey=True, squeeze=False)[0]
+    # on the ground of the page, so that no line runs through a number
+    ground = {"facecolor": colour("panel"), "edgecolor": "none", "pad": 1}
+    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "bbox": ground}
+    beside["color"] = colour("muted")
+    first: dict[str, Any] = {"ls": (0, (5, 4)), "lw": 1, "alpha": 0.6, "zorder": 1}
+    for k, (phase, axes) in enumerate(zip(classes, panels, strict=True)):
+        fill = colour(phase_colour(phase))
+        axes.set_title(_name(phase), fontsize=11.5)
+        for row, value in enumerate(durations[:, k].tolist()):
             if not np.isfinite(value):
-                parts.append(f'<text class="halo" x="{left + 4:.1f}" y="{y + 4}">never</text>')
+                axes.annotate("never", (0, row), (4, 0), **beside)
                 continue
-            end = left + min(value, longest) * scale
-            mark = (
-                f'<circle class="{phase_style(phase)}" cx="{end:.1f}" cy="{y}" r="4.5"/>'
-                if value <= longest
-                else f'<path class="{phase_style(phase)}" d="M{end - 3:.1f} {y - 6}l9 6l-9 6z"/>'
-            )
-            parts.append(
-                f'<path class="stem {phase_style(phase)}" d="M{left:.1f} {y}H{end:.1f}"/>{mark}'
-                f'<text class="halo" x="{end + 9:.1f}" y="{y + 4}">{value:.2f}</text>'
-            )
-    middle = _LABEL + (_WIDTH - _LABEL) / 2
-    parts.append(
-        f'<text x="{middle}" y="{floor + 32}" text-anchor="middle">mean duration, s</text></svg>'
-    )
-    return "".join(parts)
+            end = min(value, longest)
+            axes.hlines(row, 0, end, color=fill, linewidth=3)
+            axes.plot(end, row, "o" if value <= longest else ">", color=fill, markersize=9)
+            axes.annotate(f"{value:.2f}", (end, row), (9, 0), **beside)
+        if np.isfinite(durations[0, k]):
+            axes.axvline(durations[0, k], color=colour("text"), **first)
+        # room for the number to the right of the longest bar
+        axes.set(xlim=(0, 1.4 * longest), ylim=(len(rows) - 0.5, -0.5))
+        axes.locator_params(axis="x", nbins=3)
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.spines[:].set_visible(False)
+        axes.grid(axis="x")
+    panels[0].set_yticks(range(len(rows)), [one_line(t) for t, _ in rows], color=colour("text"))
+    middle = (1 + _LABEL / _WIDTH) / 2
+    figure.text(middle, 4 / height, "mean duration, s", color=colour("muted"), ha="center")
+    return inline_svg(figure, "plot")
 
 
 def transition_matrices(rows: Sequence[Row], classes: Sequence[str]) -> str:
     """What follows what, in HTML: a matrix per system, from the row's phase to the column's."""
-    cell, left, top = 40, 86, 26
-    size = cell * len(classes)
-    names = [phase.replace("_", " ") for phase in classes]
+    names = [escaped(_name(phase)) for phase in classes]
+    heads = "".join(f"<th><span>{name}</span></th>" for name in names)
     panels = []
     for title, structure in rows:
-        parts = [
-            f'<svg viewBox="0 0 {left + size + 4} {top + size + 4}" role="img" class="matrix">'
-        ]
-        for k, name in enumerate(names):
-            short = name if len(name) <= 6 else f"{name[:5]}."
-            parts.append(
-                f'<text x="{left + cell * (k + 0.5)}" y="{top - 9}" text-anchor="middle">'
-                f"{escaped(short)}</text>"
-                f'<text x="{left - 8}" y="{top + cell * (k + 0.5) + 4}" text-anchor="end">'
-                f"{escaped(name)}</text>"
-            )
-        for i, row in enumerate(structure.transitions):
-            for j, share in enumerate(row):
-                x, y = left + cell * j, top + cell * i
-                known = np.isfinite(share) and i != j
-                strength = float(share) if known else 0.0
-                text = "" if i == j else f"{100 * share:.0f}" if known else "\N{EN DASH}"
-                ink = "dark" if strength > 0.55 else "light"
-                parts.append(
-                    f'<rect class="cell" x="{x}" y="{y}" width="{cell - 2}" height="{cell - 2}"'
-                    f' rx="3"/><rect class="heat" x="{x}" y="{y}" width="{cell - 2}"'
-                    f' height="{cell - 2}" rx="3" fill-opacity="{strength:.3f}"><title>'
-                    f"{escaped(names[i])} to {escaped(names[j])}</title></rect>"
-                    f'<text class="{ink}" x="{x + cell / 2 - 1}" y="{y + cell / 2 + 3}"'
-                    f' text-anchor="middle">{text}</text>'
-                )
+        lines = []
+        for i, shares in enumerate(structure.transitions):
+            cells = "".join(_cell(float(share), i == j) for j, share in enumerate(shares))
+            lines.append(f"<tr><th>{names[i]}</th>{cells}</tr>")
         panels.append(
-            f"<figure><figcaption><b>{escaped(title)}</b></figcaption>{''.join(parts)}</svg>"
-            "</figure>"
+            f"<figure><figcaption><b>{escaped(title)}</b></figcaption>"
+            f'<table class="matrix"><tr><th></th>{heads}</tr>{"".join(lines)}</table></figure>'
         )
     return f'<div class="matrices">{"".join(panels)}</div>'
+
+
+def _cell(share: float, diagonal: bool) -> str:
+    if diagonal:
+        return "<td></td>"
+    if not np.isfinite(share):
+        return "<td>\N{EN DASH}</td>"
+    strong = ' class="strong"' if share > _STRONG else ""
+    return f'<td{strong} style="--share: {100 * share:.0f}%">{100 * share:.0f}</td>'
+
+
+def _name(phase: str) -> str:
+    return one_line(phase.replace("_", " "))

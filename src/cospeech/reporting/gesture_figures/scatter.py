@@ -5,21 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cospeech.metrics.gesture_statistics.systems import Setting, SystemStatistics
-from cospeech.reporting.gesture_figures.looks import title_of
+from cospeech.reporting.charts import (
+    chart_style,
+    colour,
+    draw_bones,
+    draw_path,
+    front_view,
+    inline_svg,
+)
+from cospeech.reporting.gesture_figures.system_styles import title_of
 from cospeech.reporting.markup import escaped
 
-_SCALE = 190.0
-_GRID = 0.25
+_PX_PER_M = 190.0
 _LARGEST = 2.0
 _LAYERS = 12
 _JOINTS = (
-    ("left_elbow", "left elbow"),
-    ("right_elbow", "right elbow"),
-    ("left_wrist", "left wrist"),
-    ("right_wrist", "right wrist"),
+    ("left_elbow", "left elbow", "#9a6b2f"),
+    ("right_elbow", "right elbow", "#3d8a86"),
+    ("left_wrist", "left wrist", "#e8741c"),
+    ("right_wrist", "right wrist", "#2f7fe8"),
 )
+
+Array = NDArray[np.float64]
 
 
 def scatter_panels(systems: Sequence[SystemStatistics], setting: Setting) -> str:
@@ -33,7 +43,7 @@ def scatter_panels(systems: Sequence[SystemStatistics], setting: Setting) -> str
         setting: Roles, bones and mean pose.
     """
     index = {role: i for i, role in enumerate(setting.roles)}
-    joints = [index[role] for role, _ in _JOINTS]
+    joints = [index[role] for role, _, _ in _JOINTS]
     pose = np.asarray(setting.mean_pose, dtype=np.float64)[:, :2]
     real = systems[0].scatter[:, joints, :2]
     everything = np.concatenate([system.scatter[:, joints, :2] for system in systems])
@@ -53,41 +63,29 @@ def scatter_panels(systems: Sequence[SystemStatistics], setting: Setting) -> str
             f"<small>{note}</small></figcaption>{picture}</figure>"
         )
     legend = "".join(
-        f'<span><svg viewBox="0 0 14 14" class="key"><path class="dot {_style(role)}"'
-        f' d="M7 7h0"/></svg>{name}</span>'
-        for role, name in _JOINTS
+        f'<span><i class="swatch" style="background: {ink}"></i>{name}</span>'
+        for _, name, ink in _JOINTS
     )
     return f'<p class="keys">{legend}</p><div class="scatters">{"".join(panels)}</div>'
 
 
-def _style(role: str) -> str:
-    return role.replace("_", " ")
-
-
-def _panel(
-    points: np.ndarray, pose: np.ndarray, setting: Setting, low: np.ndarray, high: np.ndarray
-) -> str:
-    width, height = _SCALE * (high - low)
-
-    def at(place: np.ndarray) -> str:
-        return f"{_SCALE * (place[0] - low[0]):.1f} {_SCALE * (high[1] - place[1]):.1f}"
-
-    parts = [f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" class="scatter">']
-    for axis in (0, 1):
-        for value in np.arange(np.ceil(low[axis] / _GRID), high[axis] / _GRID) * _GRID:
-            ends = np.array([low, high])
-            ends[:, axis] = value
-            parts.append(f'<path class="grid" d="M{at(ends[0])}L{at(ends[1])}"/>')
-    bones = "".join(
-        f"M{at(pose[parent])}L{at(pose[child])}"
-        for parent, child in setting.bones
-        if not setting.roles[child].endswith("_tip")
-    )
-    parts.append(f'<path class="pose" d="{bones}"/>')
-    for i, (role, _) in enumerate(_JOINTS):
+@chart_style()
+def _panel(points: Array, pose: Array, setting: Setting, low: Array, high: Array) -> str:
+    figure, axes = front_view(low, high, _PX_PER_M)
+    bones = [bone for bone in setting.bones if not setting.roles[bone[1]].endswith("_tip")]
+    draw_bones(axes, pose, bones, color=colour("muted"), linewidth=2, zorder=0.5)
+    for i, (_, _, ink) in enumerate(_JOINTS):
         inside = points[((points[:, i] >= low) & (points[:, i] <= high)).all(-1), i]
+        wrist = i >= 2
         # dots of one path don't darken one another where they overlap; those of several do
         for layer in range(_LAYERS):
-            dots = "".join(f"M{at(place)}h0" for place in inside[layer::_LAYERS])
-            parts.append(f'<path class="dot {_style(role)}" d="{dots}"/>' if dots else "")
-    return "".join(parts) + "</svg>"
+            draw_path(
+                axes,
+                np.repeat(inside[layer::_LAYERS, None], 2, axis=1),
+                edgecolor=ink,
+                fill=False,
+                alpha=0.36 if wrist else 0.42,
+                linewidth=3.2 if wrist else 2.2,
+                capstyle="round" if wrist else "projecting",
+            )
+    return inline_svg(figure, "scatter")

@@ -17,7 +17,7 @@ from cospeech.metrics.gesture_statistics.findings import (
     Verdict,
 )
 from cospeech.metrics.gesture_statistics.systems import REAL, SystemStatistics
-from cospeech.reporting.gesture_figures.looks import Look, shown, title_of
+from cospeech.reporting.gesture_figures.system_styles import SystemStyle, shown, title_of
 from cospeech.reporting.markup import escaped
 from cospeech.reporting.tables import Column, format_table
 
@@ -87,10 +87,11 @@ _TALLY = (
 )
 
 
-def numbers_table(systems: Sequence[SystemStatistics], looks: dict[str, Look]) -> str:
+def numbers_table(systems: Sequence[SystemStatistics], styles: dict[str, SystemStyle]) -> str:
     """Every statistic of every system with its interval, and the paper's order beside ours."""
     heads = "".join(
-        f'<th><i class="swatch {looks[s.name].style}"></i>{escaped(title_of(s.name))}</th>'
+        f'<th><i class="swatch" style="background: var(--{styles[s.name].colour})"></i>'
+        f"{escaped(title_of(s.name))}</th>"
         for s in systems
     )
     lines = []

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cospeech.errors import CospeechError
-from cospeech.files import replacing
+from cospeech.reporting.charts import SERIES, chart_style, colour, new_figure, save_picture
 from cospeech.reporting.markup import one_line
 from cospeech.studies.control_adherence.motions import Values
 
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
 SHOWN_S = 24.0
 """As long as the paper's clips."""
 
-_COLOURS = ("#4c72b0", "#dd8452", "#55a868")
-_GREY = "#9a9a9a"
 _BAND = "#e9e4da"
 _SPEEDS_SHOWN = 0.985
 
@@ -45,6 +42,7 @@ class Panel:
     wanted: Sequence[tuple[float, float, float, float]]
 
 
+@chart_style()
 def plot_adherence(panels: Sequence[Panel], fps: float, title: str, path: Path) -> None:
     """Draw a panel per control.
 
@@ -53,21 +51,9 @@ def plot_adherence(panels: Sequence[Panel], fps: float, title: str, path: Path) 
         fps: Of the curves.
         title: Of the whole.
         path: Image file to write; its ending chooses the format.
-
-    Raises:
-        CospeechError: Matplotlib is not installed.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise CospeechError(
-            "plotting the control study needs matplotlib", 'pip install "cospeech[plots]"'
-        ) from error
     rows = -(-len(panels) // 2)
-    # A figure of its own, not pyplot's, leaves the caller's backend and open figures alone.
-    figure = Figure(figsize=(11, 0.9 + 2.05 * rows), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(792, 65 + 148 * rows, "constrained")
     axes = figure.subplots(rows, 2, squeeze=False, sharex=True)
     for axis, panel in zip(axes.flat, panels, strict=False):
         _draw(axis, panel, fps)
@@ -78,10 +64,8 @@ def plot_adherence(panels: Sequence[Panel], fps: float, title: str, path: Path) 
     figure.legend(
         *axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=5, frameon=False
     )
-    # a corpus may be called anything: no name is a formula
-    figure.suptitle(one_line(title), x=0.01, ha="left", fontsize=12, parse_math=False)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format=path.suffix.removeprefix("."), dpi=160)
+    figure.suptitle(one_line(title), x=0.01, ha="left", fontsize=12)
+    save_picture(figure, path)
 
 
 def _draw(axis: Axes, panel: Panel, fps: float) -> None:
@@ -103,12 +87,15 @@ def _draw(axis: Axes, panel: Panel, fps: float) -> None:
         axis.fill_between([from_s, to_s], bottom, top, color=_BAND, linewidth=0, label=label)
         for threshold in (least, most):
             if np.isfinite(threshold):
-                axis.plot([from_s, to_s], [threshold] * 2, color="black", linewidth=0.9, ls="--")
-    axis.plot(times_s, panel.free[:frames], color=_GREY, linewidth=0.9, label="without control")
-    for (stage, curve), colour in zip(panel.stages.items(), _COLOURS, strict=False):
-        axis.plot(times_s, curve[:frames], color=colour, linewidth=1.3, label=stage)
-    axis.set_title(panel.title, fontsize=10, loc="left")
+                axis.plot(
+                    [from_s, to_s], [threshold] * 2, color=colour("text"), linewidth=0.9, ls="--"
+                )
+    axis.plot(
+        times_s, panel.free[:frames], color=colour("muted"), linewidth=0.9, label="without control"
+    )
+    for (stage, curve), ink in zip(panel.stages.items(), SERIES, strict=False):
+        axis.plot(times_s, curve[:frames], color=colour(ink), linewidth=1.3, label=stage)
+    axis.set_title(one_line(panel.title))
     axis.set_ylabel(panel.unit)
     axis.set_xlim(0, frames / fps)
     axis.set_ylim(low, high)
-    axis.spines[["top", "right"]].set_visible(False)
