@@ -59,13 +59,22 @@ class Still(torch.nn.Module):
         self.asked = []
 
     def generate(self, speech, speaker, generator):
-        self.asked.append((generator.initial_seed(), self.training))
+        self.asked.append((speaker, generator.initial_seed(), self.training))
         frames = math.ceil(speech.duration * 15)
         return Motion(UPPER_BODY, 15.0, REST_POSE[None].repeat(frames, axis=0))
 
 
-def test_each_recording_is_generated_from_a_seed_of_its_own_without_dropout(tmp_path):
+def test_a_recording_is_generated_by_its_speaker_from_its_own_seed_without_dropout(tmp_path):
     store, method = make_store(tmp_path), Still()
     evaluate_recordings(method, store, "train", untrained_encoder(store, 0))
-    assert method.asked == [(number, False) for number in range(4)]
+    speakers = ("ada", "ben", "ada", "ben")
+    assert method.asked == [(name, number, False) for number, name in enumerate(speakers)]
     assert method.training  # as it was before
+
+
+def test_who_never_spoke_in_the_training_has_no_name(tmp_path):
+    names = ("ada", "ada", "ada", "new")
+    takes = [make_recording(f"take{i}", name, seed=i) for i, name in enumerate(names)]
+    store, method = make_store(tmp_path, takes), Still()
+    evaluate_recordings(method, store, "test", untrained_encoder(store, 0))
+    assert method.asked == [(None, 0, False)]

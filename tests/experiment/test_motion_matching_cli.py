@@ -49,16 +49,6 @@ def search_run(run):
     return outputs, searched
 
 
-def test_training_selects_by_fgd_and_seam(run):
-    _, _, record = run
-    assert record["status"] == "ok"
-    last = [row for row in record["epochs"] if "val/selection" in row][-1]
-    seam = last["val/seam"]
-    assert last["val/selection"] == pytest.approx(last["val/fgd"] * max(seam, 1 / seam), rel=1e-4)
-    best = min(row["val/selection"] for row in record["epochs"] if "val/selection" in row)
-    assert record["objective"] == pytest.approx(best)
-
-
 def test_a_study_of_controls(run):
     outputs, folder, _ = run
     refused = command_line.run(outputs, "study=control_adherence", script="evaluate.py")
@@ -86,15 +76,6 @@ def test_table_three_of_a_run(run):
         assert system in done.stdout
     (path,) = outputs.glob("evaluations/*/synchrony.json")
     assert json.loads(path.read_text())["run"] == folder.name
-
-
-def test_a_run_is_judged_again(run):
-    outputs, folder, record = run
-    done = command_line.run(outputs, f"run={folder}", script="evaluate.py")
-    assert done.returncode == 0, done.stdout + done.stderr
-    (path,) = outputs.glob("evaluations/*/evaluation.json")
-    again = json.loads(path.read_text())["final"]["recordings"]["fgd"]
-    assert again == pytest.approx(record["final"]["recordings"]["fgd"], rel=1e-5)
 
 
 def test_controlled_generation_from_files(search_run, tmp_path):

@@ -55,7 +55,8 @@ def test_a_run_may_be_made_longer_but_not_otherwise(tmp_path):
     record(tmp_path, "20260101-000000-000000", config())
     longer = config("training.epochs=200")
     assert run_folder("run", str(tmp_path), PREFIX, "last", _root_=longer)
-    for change in ("model.learning_rate=1e-5", "training.batch_size=64", "data.minutes=10"):
+    changes = ("seed=1", "model.learning_rate=1e-5", "training.batch_size=64", "data.minutes=10")
+    for change in (*changes, "metrics.encoder_seed=1"):
         with pytest.raises(ConfigError, match="no run trimodal-synthetic-full-s0"):
             run_folder("run", str(tmp_path), PREFIX, "last", _root_=config(change))
 

@@ -22,6 +22,7 @@ from cospeech.metrics.encoder import save_encoder
 from cospeech.reporting.record import RunRecord, write_json
 from data_modules.base import StoreDataModule
 from tests.runs import CONF, Outputs, command
+from tests.trainings import train
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
 
@@ -56,18 +57,9 @@ def trained(outputs, *more):
         "callbacks.render_samples=null",
         "callbacks.progress_bar=null",
         f"metrics.encoder={outputs.encoder}",
-        f"outputs_dir={outputs.folder}",
-        f"run_dir={outputs.folder / 'run'}",
-        "run_prefix=run",
-        "study_name=study",
-        "choices.model=trimodal",
-        "choices.data=synthetic",
-        "choices.ablation=full",
-        "choices.experiment=null",
-        "choices.study=null",
+        f"hydra.run.dir={outputs.folder / 'run'}",
     )
-    with command("train", *given, *more) as cfg:
-        return run(cfg)
+    return train(outputs.folder, *given, *more)
 
 
 def record_of(outputs):
@@ -95,14 +87,6 @@ def test_the_best_weights_are_judged_and_ok_is_said_when_all_is_recorded(outputs
     for final, references in done:
         assert final["windows"].keys() & final["recordings"].keys()
         assert references
-
-
-def test_the_objective_is_the_lowest_of_the_value_that_selects(outputs):
-    trained(outputs, "training.epochs=3", "model.learning_rate=0.02")
-    record = record_of(outputs)
-    selecting = [epoch["val/fgd"] for epoch in record["epochs"]]
-    assert len(set(selecting)) == 3
-    assert record["objective"] == pytest.approx(min(selecting))
 
 
 def test_a_folder_that_another_process_is_at_work_in_is_left_alone(outputs):
