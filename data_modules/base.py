@@ -87,6 +87,7 @@ class StoreDataModule(LightningDataModule):
         self.allow_zero_length_dataloader_with_multiple_devices = False
         self._store: Store | None = None
         self._reader: WindowReader | None = None
+        self._of_evaluation: frozenset[str] = frozenset()
         self._datasets: dict[str, ServesWindows] = {}
 
     @property
@@ -257,9 +258,15 @@ class StoreDataModule(LightningDataModule):
 
     # Windows -------------------------------------------------------------------------------
 
-    def attach(self, method: WindowReader) -> None:
-        """Serve the windows that a method works on."""
+    def attach(self, method: WindowReader, of_evaluation: Iterable[str] = ()) -> None:
+        """Serve the windows that a method works on.
+
+        Args:
+            method: The method.
+            of_evaluation: Further fields of the windows that it is judged on.
+        """
         self._reader = method
+        self._of_evaluation = frozenset(of_evaluation)
         self._datasets = {}
 
     @property
@@ -272,7 +279,8 @@ class StoreDataModule(LightningDataModule):
         if self._reader is None:
             raise RuntimeError("call attach(method) before asking for windows")
         if split not in self._datasets:
-            self._datasets[split] = open_windows(self.prepare_store(), split, self._reader)
+            more = frozenset[str]() if split == "train" else self._of_evaluation
+            self._datasets[split] = open_windows(self.prepare_store(), split, self._reader, more)
         return self._datasets[split]
 
     def _loader(self, split: str, shuffle: bool) -> WindowLoader:

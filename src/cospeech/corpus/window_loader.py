@@ -151,22 +151,25 @@ class WindowReader(Protocol):
 class OpensWindows(Protocol):
     """A reader of more than a corpus holds, which adds it to the windows itself."""
 
-    def windows(self, store: Store, split: str) -> ServesWindows:
-        """The windows of one split."""
+    def windows(self, store: Store, split: str, needs: frozenset[str]) -> ServesWindows:
+        """The windows of one split, with these fields."""
 
 
-def open_windows(store: Store, split: str, reader: WindowReader) -> ServesWindows:
+def open_windows(
+    store: Store, split: str, reader: WindowReader, more: frozenset[str] = frozenset()
+) -> ServesWindows:
     """The windows of one split that a method works on.
 
     Args:
         store: The corpus.
         split: ``"train"``, ``"val"`` or ``"test"``.
         reader: The method.
+        more: Fields besides those that the method reads.
 
     Raises:
         ConfigError: A field that doesn't exist or that the corpus can't fill.
         CospeechError: No span of the split is as long as a window.
     """
     if isinstance(reader, OpensWindows):
-        return reader.windows(store, split)
-    return WindowDataset(store, split, reader.window.of_split(split), reader.needs)
+        return reader.windows(store, split, reader.needs | more)
+    return WindowDataset(store, split, reader.window.of_split(split), reader.needs | more)

@@ -24,8 +24,14 @@ from cospeech.corpus.facts import placeholder_facts
 from cospeech.corpus.store import Store
 from cospeech.encoders import BATCH_SIZE, keep_encoder
 from cospeech.errors import ConfigError, CospeechError, one_line
-from cospeech.evaluation import References, evaluate_recordings, reference_rows
-from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
+from cospeech.evaluation import Catalogue, References, evaluate_recordings, reference_rows
+from cospeech.experiment.building import (
+    build,
+    chosen_catalogue,
+    chosen_encoder,
+    load_weights,
+    require_same,
+)
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
 from cospeech.experiment.enduring import costs_itself, enduring, other_arithmetic
 from cospeech.experiment.folders import resume_command, run_identity
@@ -151,7 +157,12 @@ def _lost_peer(error: BaseException) -> CospeechError | None:
 def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     data = build(cfg.data)
     # What is wrong with the settings is found before anything slow begins, of any corpus ...
-    data.refuse_impossible(cfg.choices.model, build(cfg.model, corpus=placeholder_facts()).needs)
+    asked = build(cfg.model, corpus=placeholder_facts())
+    data.refuse_impossible(cfg.choices.model, asked.needs)
+    catalogue = Catalogue({})
+    if isinstance(asked, GestureMethod):
+        catalogue = chosen_catalogue(cfg.metrics)
+        data.refuse_impossible("the evaluation (metrics.catalogue)", catalogue.needs)
     lightning.seed_everything(cfg.seed, verbose=False)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
@@ -165,7 +176,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     checkpoint = _checkpoint(cfg, folder)
     if checkpoint is None and isinstance(model, GestureMethod):
         model.read_files()
-    data.attach(model)
+    data.attach(model, catalogue.needs)
     for windows in (data.train_dataloader, data.val_dataloader, data.test_dataloader):
         windows()
     without_words = store.recordings.columns["has_words"].count(False)
@@ -181,12 +192,17 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     if isinstance(model, GestureMethod):
         with _timed(record, "encoder"):
             encoder = chosen_encoder(store, cfg.metrics)
-            references = reference_rows(store, encoder, "test", cfg.metrics.reference_seed)
+            references = reference_rows(
+                store, encoder, "test", cfg.metrics.reference_seed, catalogue
+            )
         known = (record.values["encoder"] or {}).get("sha256")
         require_same(known, encoder.sha256, "the encoder of the evaluation")
-        record.update(encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)})
+        record.update(
+            encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)},
+            metrics=catalogue.described(),
+        )
 
-    context = RunContext(folder, store, encoder, record, resume_command())
+    context = RunContext(folder, store, encoder, catalogue, record, resume_command())
     callbacks = [_with_context(node, context) for node in (cfg.callbacks or {}).values() if node]
     loggers: list[Logger] = [enduring(instantiate(node)) for node in (cfg.logger or {}).values()]
     for experiment_logger in loggers:
@@ -244,7 +260,12 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             return RunResult(folder, record.values, objective, model)
         with _timed(record, "test_recordings"):
             recordings = evaluate_recordings(
-                model, store, "test", encoder, limit=_limit(cfg.trainer.get("limit_test_batches"))
+                model,
+                store,
+                "test",
+                encoder,
+                catalogue,
+                limit=_limit(cfg.trainer.get("limit_test_batches")),
             )
         record.update(
             final={

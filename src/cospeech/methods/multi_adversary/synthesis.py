@@ -9,10 +9,10 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from cospeech.corpus.store import EVALUATION_FPS
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.joint_map import EVALUATION_JOINTS
 from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.upper_body import EVALUATION_FPS
 
 LongForm = Literal["crossfade", "carry", "reset"]
 """How speech longer than a window is made. ``"crossfade"``: windows that overlap by two seconds,

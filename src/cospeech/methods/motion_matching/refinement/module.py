@@ -198,7 +198,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
 
     # Training ------------------------------------------------------------------------------
 
-    def windows(self, store: Store, split: str) -> PairWindows:
+    def windows(self, store: Store, split: str, needs: frozenset[str]) -> PairWindows:
         """Pairs of real and matched motion, made on first use."""
         folder = Path(self._folder or database_folder(store, self.spec)) / "pairs"
         return open_pair_windows(
@@ -207,7 +207,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
             self.matcher.search,
             self.pair_settings,
             self.pairs_seed,
-            self.needs,
+            needs,
             folder,
             self.matching.seam,
             self.same_speaker,
