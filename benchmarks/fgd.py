@@ -16,6 +16,7 @@ import scipy.linalg
 import torch
 
 from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
+from cospeech.metrics.evaluation_windows import EvaluationWindows
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.functional import frechet_distance, kernel_distance
 from cospeech.metrics.moments import recording_moments
@@ -52,16 +53,19 @@ def main() -> None:
 
     torch.manual_seed(0)
     encoder = GestureEncoder(PoseAutoencoder(), [0.0] * 27).to(arguments.device)
-    metric = FrechetGestureDistance(encoder).to(arguments.device)
+    metric = FrechetGestureDistance().to(arguments.device)
     batch = torch.randn(arguments.batch, 34, 10, 3, device=arguments.device)
     batches = arguments.windows // arguments.batch
 
     def whole_set() -> float:
         metric.reset()
         for _ in range(batches):
-            metric.update(batch + 0.1, real=True)
-            metric.update(batch, real=False)
-        return metric.compute().item()
+            sides = [
+                EvaluationWindows(moved, encoder.encode_positions(moved))
+                for moved in (batch, batch + 0.1)
+            ]
+            metric.update(*sides)
+        return metric.compute()["fgd"].item()
 
     features = torch.randn(2, arguments.windows, 32, dtype=torch.float64)
     moments = [value.numpy() for side in features for value in (side.mean(0), torch.cov(side.T))]

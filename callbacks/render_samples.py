@@ -10,12 +10,12 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS
 from cospeech.errors import CospeechError
 from cospeech.experiment import RunContext
 from cospeech.experiment.enduring import costs_itself
 from cospeech.methods.base import GestureMethod
 from cospeech.motion.phases import PHASES
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.video import write_mp4
 

@@ -16,13 +16,8 @@ from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset
 from cospeech.errors import CospeechError
 from cospeech.judges import EvaluationEncoder
-from cospeech.metrics.encoder import (
-    EVALUATION_FRAMES,
-    GestureEncoder,
-    load_any,
-    load_encoder,
-    save_encoder,
-)
+from cospeech.metrics.encoder import GestureEncoder, load_any, load_encoder, save_encoder
+from cospeech.motion.upper_body import EVALUATION_FRAMES
 from cospeech.nn.checkpoints import WholeCheckpoints
 from cospeech.nn.weights_file import read_checkpoint
 

@@ -21,12 +21,13 @@ from callbacks.throughput import Throughput
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import CospeechError
+from cospeech.evaluation import standard_catalogue
 from cospeech.experiment import RunContext, RunInterrupted
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
+from cospeech.metrics.evaluation_windows import cut_windows
 from cospeech.metrics.functional import frechet_distance, joint_mae
 from cospeech.metrics.moments import feature_moments
-from cospeech.metrics.protocol import cut_windows
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.nn.checkpoints import WholeCheckpoints
@@ -76,7 +77,9 @@ def run(tmp_path):
     facts = {"id": "x", "model": "m", "data": "d", "ablation": "full", "seed": 0}
     facts["config"] = {"training": {"epochs": -1}}
     record = RunRecord(tmp_path / "run" / "record.json", facts)
-    return RunContext(tmp_path / "run", store, encoder, record, "python train.py")
+    return RunContext(
+        tmp_path / "run", store, encoder, standard_catalogue(), record, "python train.py"
+    )
 
 
 def last_checkpoint(run):

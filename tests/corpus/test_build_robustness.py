@@ -21,7 +21,7 @@ from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.evaluation import evaluate_recordings
+from cospeech.evaluation import evaluate_recordings, standard_catalogue
 from cospeech.speech.speech import Speech, Word
 from tests.corpora import make_recording, make_store
 
@@ -150,6 +150,11 @@ def test_fewer_windows_than_processes_are_an_error(tmp_path, monkeypatch):
         WindowLoader(dataset, 4, 0, shuffle=True, drop_last=True)
 
 
+class Encoder:
+    def encode_all(self, positions):
+        return torch.zeros(len(positions), 32)
+
+
 class Mute:
     training = False
 
@@ -173,7 +178,7 @@ def test_recordings_without_sound_are_not_generated_for(tmp_path, caplog):
     assert [span.recording for span in store.spans_with_sound(everything, "this")] == [0, 1, 2]
     assert "1 of 4 recordings" in caplog.text
     with pytest.raises(CospeechError, match="no recording has sound"):
-        evaluate_recordings(Mute(), store, "test", torch.nn.Identity())
+        evaluate_recordings(Mute(), store, "test", Encoder(), standard_catalogue())
     store.splits["test"] = everything[::-1]
     with pytest.raises(RuntimeError, match="asked"):
-        evaluate_recordings(Mute(), store, "test", torch.nn.Identity())
+        evaluate_recordings(Mute(), store, "test", Encoder(), standard_catalogue())

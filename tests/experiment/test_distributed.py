@@ -8,11 +8,11 @@ import torch
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import open_windows
 from cospeech.corpus.windows import WindowDataset
+from cospeech.evaluation import EpochEvaluation, standard_catalogue
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.methods.multi_adversary.tally import Tally
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import load_encoder
-from cospeech.metrics.fgd import FrechetGestureDistance
 from tests import command_line
 from tests.command_line import SMALL
 from tests.multi_adversary_runs import TINY
@@ -82,7 +82,10 @@ def test_two_processes_share_the_windows_and_the_metrics(tmp_path):
     dataset = WindowDataset(store, "test", method.window, method.needs)
     batch = dataset.batch(range(len(dataset)))
     (encoder,) = store.path.glob("encoders/*.pt")
-    distance = FrechetGestureDistance(load_encoder(encoder))
-    distance.update(batch.positions, real=True)
-    distance.update(method.sample(batch, torch.Generator()), real=False)
-    assert record["final"]["windows"]["fgd"] == pytest.approx(distance.compute().item(), rel=1e-3)
+    evaluation = EpochEvaluation(
+        standard_catalogue(), load_encoder(encoder), method.window, torch.device("cpu")
+    )
+    evaluation.update(method.sample(batch, torch.Generator()), batch)
+    for name, value in evaluation.compute().items():
+        found = record["final"]["windows"][name]
+        assert found == pytest.approx(value.item(), rel=1e-3, abs=1e-6), name

@@ -17,7 +17,7 @@ from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import CospeechError
-from cospeech.experiment.judgeable import judged_fields
+from cospeech.evaluation import standard_catalogue
 from cospeech.methods.base import GestureMethod, TakesControls
 from cospeech.methods.capabilities import FittedWithoutSteps
 from cospeech.motion.motion import Motion
@@ -68,7 +68,7 @@ def build(name: str, store):
 
 
 def loader(model, store, split="train"):
-    dataset = open_windows(store, split, model, judged_fields(model))
+    dataset = open_windows(store, split, model, standard_catalogue().fields)
     runs = 8 // dataset.spec.run
     return WindowLoader(dataset, runs, seed=0, shuffle=split == "train", drop_last=True)
 

@@ -10,14 +10,20 @@ import torch
 import torch.distributed as distributed
 import torch.multiprocessing as multiprocessing
 from lightning import LightningModule
-from torchmetrics import MetricCollection
 
 from cospeech.metrics.acceleration_error import AccelerationError
-from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
+from cospeech.metrics.encoder import FEATURE_SIZE, GestureEncoder, PoseAutoencoder
+from cospeech.metrics.evaluation_windows import EvaluationWindows
 from cospeech.metrics.feature_distance import FeatureDistance
 from cospeech.metrics.fgd import FrechetGestureDistance
-from cospeech.metrics.functional import acceleration_error, feature_distance, joint_mae
+from cospeech.metrics.functional import (
+    acceleration_error,
+    feature_distance,
+    joint_mae,
+    kernel_distance,
+)
 from cospeech.metrics.joint_mae import JointMAE
+from cospeech.metrics.kernel_distance import KernelDistance
 
 
 def make_encoder():
@@ -38,13 +44,24 @@ def encoder():
     return make_encoder()
 
 
-def filled(encoder, real, generated, batch_size=40, **options):
-    metric = FrechetGestureDistance(encoder, **options)
+def encoded(encoder, positions):
+    return EvaluationWindows(positions, encoder.encode_positions(positions))
+
+
+NOTHING = EvaluationWindows(torch.zeros(0, 34, 10, 3), torch.zeros(0, FEATURE_SIZE))
+
+
+def filled(encoder, real, generated, batch_size=40):
+    metric = FrechetGestureDistance()
     for batch in real.split(batch_size):
-        metric.update(batch, real=True)
+        metric.update(NOTHING, encoded(encoder, batch))
     for batch in generated.split(batch_size):
-        metric.update(batch, real=False)
+        metric.update(encoded(encoder, batch), NOTHING)
     return metric
+
+
+def distance(metric):
+    return metric.compute()["fgd"].item()
 
 
 def test_equals_numpy_and_scipy_on_the_features(encoder):
@@ -56,17 +73,17 @@ def test_equals_numpy_and_scipy_on_the_features(encoder):
     expected = mean_term + np.trace(cov_a + cov_b - 2 * root)
     metric = filled(encoder, real, generated)
     # The encoder's float32 output varies with batch size, in its seventh digit.
-    assert metric.compute().item() == pytest.approx(expected, rel=1e-5)
-    assert metric.compute().dtype == torch.float64
-    terms = metric.terms()
-    assert terms.mean_term.item() == pytest.approx(mean_term, rel=1e-5)
-    assert terms.total.item() == metric.compute().item()
+    values = metric.compute()
+    assert values["fgd"].item() == pytest.approx(expected, rel=1e-5)
+    assert values["fgd"].dtype == torch.float64
+    assert values["fgd_mean_term"].item() == pytest.approx(mean_term, rel=1e-5)
+    assert values["fgd_mean_term"] + values["fgd_covariance_term"] == values["fgd"]
 
 
 def test_identical_sets_are_at_distance_zero_whatever_the_order(encoder):
     real = windows(100, 1)
-    scale = filled(encoder, real, shifted(100, 2)).compute().item()
-    assert abs(filled(encoder, real, real.flip(0)).compute().item()) < 1e-6 * scale
+    scale = distance(filled(encoder, real, shifted(100, 2)))
+    assert abs(distance(filled(encoder, real, real.flip(0)))) < 1e-6 * scale
 
 
 def test_merged_halves_equal_the_whole(encoder):
@@ -75,27 +92,13 @@ def test_merged_halves_equal_the_whole(encoder):
     half = filled(encoder, real[:80], generated[:40])
     half.merge_state(filled(encoder, real[80:], generated[40:]))
     assert half.real_samples.item() == 160
-    assert half.compute().item() == pytest.approx(whole.compute().item(), rel=1e-9)
-
-
-def test_kept_real_features_survive_reset(encoder):
-    real, generated = windows(100, 1), shifted(100, 2)
-    metric = filled(encoder, real, generated, reset_real_features=False)
-    first = metric.compute().item()
-    metric.reset()
-    assert metric.has_real_features
-    metric.update(generated, real=False)
-    assert metric.compute().item() == pytest.approx(first, rel=1e-6)
-
-    metric = filled(encoder, real, generated)
-    metric.reset()
-    assert not metric.has_real_features
+    assert distance(half) == pytest.approx(distance(whole), rel=1e-9)
 
 
 def test_forward_adds_each_window_once(encoder):
-    metric = FrechetGestureDistance(encoder, reset_real_features=False)
+    metric = FrechetGestureDistance()
     for batch in windows(80, 1).split(40):
-        metric(batch, real=True)
+        metric(NOTHING, encoded(encoder, batch))
     assert metric.real_samples.item() == 80
 
 
@@ -103,7 +106,7 @@ def test_reset_inside_inference_mode_leaves_a_usable_metric(encoder):
     metric = filled(encoder, windows(40, 1), shifted(40, 2))
     with torch.inference_mode():
         metric.reset()
-    metric.update(windows(40, 1), real=True)
+    metric.update(NOTHING, encoded(encoder, windows(40, 1)))
     assert metric.real_samples.item() == 40
 
 
@@ -118,47 +121,33 @@ def test_warns_when_covariances_are_singular(encoder):
         filled(encoder, windows(40, 1), windows(32, 2)).compute()
 
 
-def test_names_the_window_that_is_not_finite(encoder):
-    positions = windows(5, 1)
-    positions[3, 2, 1, 0] = float("nan")
-    with pytest.raises(ValueError, match="window 3 of the batch has"):
-        FrechetGestureDistance(encoder).update(positions, real=False)
-
-
 class Owner(LightningModule):
-    def __init__(self, encoder):
+    def __init__(self):
         super().__init__()
         self.weight = torch.nn.Parameter(torch.zeros(1))
-        self.fgd = FrechetGestureDistance(encoder)
-        self.collection = MetricCollection([self.fgd])
-        self.features = FeatureDistance(encoder)
+        self.fgd = FrechetGestureDistance()
 
 
-def test_encoder_belongs_to_no_module(encoder):
-    owner = Owner(encoder).train()
+def test_sums_stay_exact_in_a_module_of_half_precision():
+    owner = Owner().half()
     assert list(owner.state_dict()) == ["weight"]
-    assert len(list(owner.parameters())) == 1
-    assert owner.fgd.encoder is encoder
-    owner.half()
-    assert encoder.mean_direction.dtype == torch.float32
     assert owner.fgd.real_total.dtype == torch.float64
 
 
 def test_pickled_and_checkpointed_state_gives_the_same_value(encoder):
     metric = filled(encoder, windows(80, 1), shifted(80, 2))
-    expected = metric.compute().item()
+    expected = distance(metric)
     copy = pickle.loads(pickle.dumps(metric))
-    assert copy.compute().item() == expected
-    assert copy.encoder.sha256 == encoder.sha256
+    assert distance(copy) == expected
 
     metric.persistent(True)
     buffer = io.BytesIO()
     torch.save(metric.state_dict(), buffer)
     buffer.seek(0)
-    restored = FrechetGestureDistance(encoder)
+    restored = FrechetGestureDistance()
     restored.load_state_dict(torch.load(buffer, weights_only=True))
     with pytest.warns(UserWarning, match="before the ``update``"):
-        assert restored.compute().item() == expected
+        assert distance(restored) == expected
 
 
 def _share_of_a_process(rank, address, results):
@@ -169,8 +158,9 @@ def _share_of_a_process(rank, address, results):
     error = JointMAE()
     # Unequal shares: the value must be weighted by windows, not by processes.
     share = slice(0, 60) if rank == 0 else slice(60, 80)
-    error.update(shifted(80, 2)[share], windows(80, 1)[share])
-    values = (metric.compute().item(), metric.terms().total.item(), error.compute().item())
+    generated, real = shifted(80, 2), windows(80, 1)
+    error.update(encoded(encoder, generated[share]), encoded(encoder, real[share]))
+    values = (distance(metric), error.compute().item())
     if rank == 0:
         results.put((*values, metric.real_samples.item()))
     distributed.destroy_process_group()
@@ -190,10 +180,9 @@ def test_two_processes_equal_one(encoder, tmp_path):
     for process in processes:
         process.join(120)
         assert process.exitcode == 0
-    value, total, error, local_count = results.get()
+    value, error, local_count = results.get()
     real, generated = windows(80, 1), shifted(80, 2)
-    assert value == pytest.approx(filled(encoder, real, generated).compute().item(), rel=1e-9)
-    assert total == value
+    assert value == pytest.approx(distance(filled(encoder, real, generated)), rel=1e-9)
     assert error == pytest.approx(joint_mae(generated, real).item(), rel=1e-9)
     # Only the value is shared: a process keeps its own sums for the next epoch.
     assert local_count == 40
@@ -202,21 +191,17 @@ def test_two_processes_equal_one(encoder, tmp_path):
 @pytest.mark.parametrize(
     ("make", "function"),
     [
-        (lambda _: JointMAE(), lambda _, a, b: joint_mae(a, b)),
-        (lambda _: JointMAE(seed_frames=0), lambda _, a, b: joint_mae(a, b, 0)),
-        (lambda _: AccelerationError(), lambda _, a, b: acceleration_error(a, b)),
-        (
-            FeatureDistance,
-            lambda e, a, b: feature_distance(e.encode_positions(a), e.encode_positions(b)),
-        ),
+        (JointMAE, lambda a, b: joint_mae(a.positions, b.positions)),
+        (lambda: JointMAE(seed_frames=0), lambda a, b: joint_mae(a.positions, b.positions, 0)),
+        (AccelerationError, lambda a, b: acceleration_error(a.positions, b.positions)),
+        (FeatureDistance, lambda a, b: feature_distance(a.features, b.features)),
+        (KernelDistance, lambda a, b: kernel_distance(a.features, b.features, paired=True)),
     ],
-    ids=["joint_mae", "joint_mae_all_frames", "acceleration_error", "feature_distance"],
+    ids=["joint_mae", "joint_mae_all_frames", "acceleration_error", "feature_distance", "kernel"],
 )
 def test_errors_over_uneven_batches_equal_the_function_on_all(encoder, make, function):
-    real, generated = windows(23, 1), shifted(23, 2)
-    metric = make(encoder)
-    for a, b in zip(generated.split(10), real.split(10), strict=True):
-        metric.update(a, b)
-    assert metric.compute().item() == pytest.approx(
-        function(encoder, generated, real).item(), rel=1e-6
-    )
+    real, generated = encoded(encoder, windows(23, 1)), encoded(encoder, shifted(23, 2))
+    metric = make()
+    for indices in torch.arange(23).split(10):
+        metric.update(generated[indices], real[indices])
+    assert metric.compute().item() == pytest.approx(function(generated, real).item(), rel=1e-6)

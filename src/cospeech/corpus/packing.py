@@ -17,12 +17,9 @@ from cospeech.corpus.source import Dropped, Source
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import find_joint_map
 from cospeech.motion.motion import resample_positions
-from cospeech.motion.upper_body import to_upper_body
+from cospeech.motion.upper_body import EVALUATION_FPS, to_upper_body
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.vocabulary import normalise_word
-
-EVALUATION_FPS = 15.0
-"""Frame rate of the evaluation space, which splits and windows are counted in."""
 
 STREAMS: dict[str, tuple[str, int]] = {
     "positions": ("<f4", 3),

@@ -44,17 +44,16 @@ from cospeech.corpus.manifest import (
     read_vocabulary,
     rebuild,
 )
-from cospeech.corpus.packing import EVALUATION_FPS
 from cospeech.corpus.recording_table import RecordingTable
 from cospeech.corpus.splits import Span
 from cospeech.errors import ConfigError, InputFileError
 from cospeech.foreign import open_file, parse_json, understood
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
-from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.motion.upper_body import EVALUATION_FPS, UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
 
-__all__ = ["EVALUATION_FPS", "SCHEMA_VERSION", "Store"]
+__all__ = ["SCHEMA_VERSION", "Store"]
 
 logger = logging.getLogger(__name__)
 

@@ -17,7 +17,6 @@ import numpy as np
 from cospeech.corpus.build_folder import BuildFolder, json_line
 from cospeech.corpus.manifest import write_manifest
 from cospeech.corpus.packing import (
-    EVALUATION_FPS,
     STREAMS,
     PackedRecording,
     PackedSource,
@@ -32,6 +31,7 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.store import SCHEMA_VERSION, Store
 from cospeech.errors import CospeechError
 from cospeech.files import write_json
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.speech import SAMPLE_RATE
 from cospeech.speech.vocabulary import SPECIAL_TOKENS
 

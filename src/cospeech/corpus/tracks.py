@@ -22,8 +22,9 @@ from cospeech.corpus.features.field import FrameField, MotionField, SpeechField,
 from cospeech.corpus.features.keeping import Stretch, kept_rows
 from cospeech.corpus.features.span_motion import SpanMotion
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.progress import progress_bar
 from cospeech.speech.speech import SAMPLE_RATE
 

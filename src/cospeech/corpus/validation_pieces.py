@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
+from cospeech.motion.upper_body import EVALUATION_FPS
 
 PIECES, PIECE_S = 13, 30.0
 """Ferstl et al. 2020, section 4: 6.5 minutes in all."""

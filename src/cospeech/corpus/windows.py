@@ -21,10 +21,11 @@ from cospeech.corpus.features.field import (
 )
 from cospeech.corpus.features.word_vectors import word_vectors
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.corpus.tracks import Tracks
 from cospeech.corpus.validation_pieces import Pieces, spans_by_pieces
 from cospeech.errors import CospeechError
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.speech import SAMPLE_RATE
 from cospeech.speech.text.vectors import WordVectors
 

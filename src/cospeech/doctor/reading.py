@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.corpus.packing import EVALUATION_FPS
 from cospeech.corpus.recording import Recording, Remark
 from cospeech.corpus.source import Dropped, Source, explained
 from cospeech.corpus.store import Store
@@ -24,6 +23,7 @@ from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap import Take, read_take
 from cospeech.motion.bvh import UpAxis, read_bvh_timing
 from cospeech.motion.joint_map import JointMap
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.audio import audio_seconds
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.transcript import read_transcript_with_timing

@@ -13,6 +13,7 @@ from omegaconf import DictConfig, MissingMandatoryValue
 from cospeech.corpus.store import Store
 from cospeech.encoders import encoder_for
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.evaluation import Catalogue
 from cospeech.foreign import understood
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.nn.weights_file import read_checkpoint
@@ -38,6 +39,12 @@ def build(node: Any, **arguments: Any) -> Any:
 def chosen_encoder(store: Store, metrics: DictConfig) -> GestureEncoder:
     """The encoder that the settings ask for."""
     return encoder_for(store, metrics.encoder, metrics.encoder_epochs, metrics.encoder_seed)
+
+
+def chosen_catalogue(metrics: DictConfig) -> Catalogue:
+    """The metrics that the settings name; one that is null is left out."""
+    nodes = metrics.get("catalogue") or {}
+    return Catalogue({str(name): build(node) for name, node in nodes.items() if node})
 
 
 def require_same(known: str | None, now: str, what: str) -> None:

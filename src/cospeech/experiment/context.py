@@ -10,6 +10,7 @@ from lightning import LightningModule
 
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
+from cospeech.evaluation import Catalogue
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.reporting.record import RunRecord
 
@@ -26,6 +27,7 @@ class RunContext:
         folder: The run's folder.
         store: The prepared corpus.
         encoder: Encoder of the evaluation space; None for a model that makes no motion.
+        catalogue: The metrics of the evaluation.
         record: The run's `record.json`.
         resume_command: What to type to go on after an interruption.
     """
@@ -33,6 +35,7 @@ class RunContext:
     folder: Path
     store: Store
     encoder: GestureEncoder | None
+    catalogue: Catalogue
     record: RunRecord
     resume_command: str
 

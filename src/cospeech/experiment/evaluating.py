@@ -12,7 +12,7 @@ from cospeech.corpus.splits import SPLITS
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.evaluation import evaluate_recordings, reference_rows
-from cospeech.experiment.building import build, chosen_encoder
+from cospeech.experiment.building import build, chosen_catalogue, chosen_encoder
 from cospeech.experiment.comparing import compare_runs
 from cospeech.experiment.finished_run import FinishedRun, open_run
 from cospeech.experiment.own_or_given import corpus_of, encoder_of
@@ -45,6 +45,7 @@ def evaluate(cfg: DictConfig) -> Any:
         return _study(cfg, folder)
     run, store, model = _finished(cfg)
     encoder, metrics = encoder_of(run, cfg, store)
+    catalogue = chosen_catalogue(cfg.metrics)
     values: dict[str, Any] = {
         "id": run.id,
         "model": run.model,
@@ -53,11 +54,12 @@ def evaluate(cfg: DictConfig) -> Any:
         "seed": run.seed,
         "checkpoint": cfg.checkpoint,
         "encoder": {"sha256": encoder.sha256, "name": str(metrics.encoder)},
+        "metrics": catalogue.described(),
         "final": {
             "split": cfg.split,
-            "recordings": evaluate_recordings(model, store, cfg.split, encoder),
+            "recordings": evaluate_recordings(model, store, cfg.split, encoder, catalogue),
         },
-        "references": reference_rows(store, encoder, cfg.split, metrics.reference_seed),
+        "references": reference_rows(store, encoder, cfg.split, metrics.reference_seed, catalogue),
     }
     write_json(folder / "evaluation.json", values)
     print(result_table(values))

@@ -276,6 +276,8 @@ def open_run(folder: str | Path, checkpoint: str = "best") -> FinishedRun:
 def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedRun:
     parts = ("model", "data", "metrics", "training", "choices")
     config = {part: dict(values["config"].get(part, {})) for part in parts}
+    # What a run is judged by is the command's own; a record's classes are a stranger's.
+    config["metrics"].pop("catalogue", None)
     model, data = (_part(config[group], group, values[group]) for group in ("model", "data"))
     method = get_class(model.target)
     for name, known in (("model", argument_names(method)), ("data", list(data.values))):

@@ -21,8 +21,9 @@ from cospeech.reporting.record import read_record
 _DECIDES = ("model", "data", "training", "metrics", "seed")
 """The parts of a config that decide what a run computes."""
 
-_DECIDES_NOT = ("training.epochs", "data.workers", "data.store_dir")
-"""Settings below those that may change: how long, by how many processes, and where."""
+_DECIDES_NOT = ("training.epochs", "data.workers", "data.store_dir", "metrics.catalogue")
+"""Settings below those that may change: how long, by how many processes, where, and what is looked
+at."""
 
 _SETTINGS_SHOWN = 6
 

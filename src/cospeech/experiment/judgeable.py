@@ -10,15 +10,7 @@ from cospeech.corpus.features.positions import evaluation_frames
 from cospeech.errors import ConfigError
 from cospeech.experiment.plain_arguments import argument_names
 from cospeech.methods.base import GestureMethod
-from cospeech.metrics.encoder import EVALUATION_FPS, EVALUATION_FRAMES
-
-JUDGED_FIELDS = frozenset({"positions"})
-"""What is read of validation and test windows beside what a method reads itself."""
-
-
-def judged_fields(method: LightningModule) -> frozenset[str]:
-    """The fields that judging a method reads; none where it makes no motion."""
-    return JUDGED_FIELDS if isinstance(method, GestureMethod) else frozenset()
+from cospeech.motion.upper_body import EVALUATION_FPS, EVALUATION_FRAMES
 
 
 def refuse_unjudgeable(name: str, method: LightningModule) -> None:

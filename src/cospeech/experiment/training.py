@@ -24,12 +24,18 @@ from cospeech.corpus.facts import placeholder_facts
 from cospeech.corpus.store import Store
 from cospeech.encoders import BATCH_SIZE, keep_encoder
 from cospeech.errors import ConfigError, CospeechError, one_line
-from cospeech.evaluation import References, evaluate_recordings, reference_rows
-from cospeech.experiment.building import build, chosen_encoder, load_weights, require_same
+from cospeech.evaluation import Catalogue, References, evaluate_recordings, reference_rows
+from cospeech.experiment.building import (
+    build,
+    chosen_catalogue,
+    chosen_encoder,
+    load_weights,
+    require_same,
+)
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
 from cospeech.experiment.enduring import costs_itself, enduring, other_arithmetic
 from cospeech.experiment.folders import resume_command, run_identity
-from cospeech.experiment.judgeable import judged_fields, refuse_unjudgeable
+from cospeech.experiment.judgeable import refuse_unjudgeable
 from cospeech.experiment.stopping import (
     be_the_first_process,
     end_with_the_first_process,
@@ -154,8 +160,13 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     # What is wrong with the settings is found before anything slow begins, of any corpus ...
     tried = build(cfg.model, corpus=placeholder_facts())
     refuse_unjudgeable(cfg.choices.model, tried)
-    judged = judged_fields(tried)
-    data.refuse_impossible(cfg.choices.model, tried.needs | judged)
+    data.refuse_impossible(cfg.choices.model, tried.needs)
+    catalogue = Catalogue({})
+    judged = frozenset[str]()
+    if isinstance(tried, GestureMethod):
+        catalogue = chosen_catalogue(cfg.metrics)
+        judged = catalogue.fields
+        data.refuse_impossible("the evaluation", judged)
     lightning.seed_everything(cfg.seed, verbose=False)
     with _timed(record, "prepare_corpus"):
         store: Store = data.prepare_store()
@@ -185,12 +196,17 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     if isinstance(model, GestureMethod):
         with _timed(record, "encoder"):
             encoder = chosen_encoder(store, cfg.metrics)
-            references = reference_rows(store, encoder, "test", cfg.metrics.reference_seed)
+            references = reference_rows(
+                store, encoder, "test", cfg.metrics.reference_seed, catalogue
+            )
         known = (record.values["encoder"] or {}).get("sha256")
         require_same(known, encoder.sha256, "the encoder of the evaluation")
-        record.update(encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)})
+        record.update(
+            encoder={"sha256": encoder.sha256, "name": str(cfg.metrics.encoder)},
+            metrics=catalogue.described(),
+        )
 
-    context = RunContext(folder, store, encoder, record, resume_command())
+    context = RunContext(folder, store, encoder, catalogue, record, resume_command())
     callbacks = [_with_context(node, context) for node in (cfg.callbacks or {}).values() if node]
     loggers: list[Logger] = [enduring(instantiate(node)) for node in (cfg.logger or {}).values()]
     for experiment_logger in loggers:
@@ -248,7 +264,12 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             return RunResult(folder, record.values, objective, model)
         with _timed(record, "test_recordings"):
             recordings = evaluate_recordings(
-                model, store, "test", encoder, limit=_limit(cfg.trainer.get("limit_test_batches"))
+                model,
+                store,
+                "test",
+                encoder,
+                catalogue,
+                limit=_limit(cfg.trainer.get("limit_test_batches")),
             )
         record.update(
             final={

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.files import write_json
 from cospeech.matching.database import (
@@ -28,6 +28,7 @@ from cospeech.matching.database import (
 )
 from cospeech.matching.features import MatchingSpec, Normalisation, stack_taps
 from cospeech.matching.tracks import MatchingTracks, Track
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS
 
 logger = logging.getLogger(__name__)

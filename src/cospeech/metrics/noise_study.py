@@ -12,7 +12,6 @@ from cospeech.metrics import disturbances
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.functional import frechet_terms, joint_mae
 from cospeech.metrics.moments import feature_moments
-from cospeech.metrics.protocol import encode
 
 LEVELS: dict[str, tuple[float, ...]] = {
     "gaussian": (0.0003, 0.001, 0.003),
@@ -86,12 +85,12 @@ def run_noise_study(
     unknown = sorted(set(levels) - set(disturb))
     if unknown:
         raise ValueError(f"unknown disturbances {unknown}; known are {sorted(disturb)}")
-    real = feature_moments(encode(encoder, positions)).mean_and_covariance()
+    real = feature_moments(encoder.encode_all(positions)).mean_and_covariance()
     rows = []
     for name, zetas in levels.items():
         for zeta in zetas:
             disturbed = disturb[name](zeta, torch.Generator().manual_seed(seed))
-            features = encode(encoder, disturbed)
+            features = encoder.encode_all(disturbed)
             terms = frechet_terms(*real, *feature_moments(features).mean_and_covariance())
             error = joint_mae(disturbed, positions, seed_frames=0)
             numbers = (terms.total, terms.mean_term, terms.covariance_term, error)

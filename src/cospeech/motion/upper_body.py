@@ -26,6 +26,9 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 
 __all__ = [
+    "EVALUATION_FPS",
+    "EVALUATION_FRAMES",
+    "EVALUATION_STRIDE",
     "TED_AXES",
     "UPPER_BODY",
     "JointBlend",
@@ -36,6 +39,13 @@ __all__ = [
     "load_joint_map",
     "to_upper_body",
 ]
+
+EVALUATION_FRAMES = 34
+"""Frames of a window in the evaluation space."""
+EVALUATION_FPS = 15.0
+"""Frames per second in the evaluation space."""
+EVALUATION_STRIDE = 10
+"""Frames from one evaluation window's start to the next."""
 
 UPPER_BODY = Skeleton(
     name="upper_body",

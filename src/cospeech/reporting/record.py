@@ -56,6 +56,7 @@ class RunRecord:
             "hardware": _hardware(),
             "data_fingerprint": earlier.get("data_fingerprint"),
             "encoder": earlier.get("encoder"),
+            "metrics": earlier.get("metrics"),
             "timings": earlier.get("timings", {}),
             "epochs": earlier.get("epochs", []),
             "fit": earlier.get("fit"),

@@ -100,6 +100,11 @@ def _anything(value: Any, place: str) -> Iterator[str]:
     yield from ()
 
 
+def _direction(value: Any, place: str) -> Iterator[str]:
+    if value not in ("lower", "higher"):
+        yield f"{place} is neither lower nor higher"
+
+
 def _list_of(check: Check) -> Check:
     def checked(value: Any, place: str) -> Iterator[str]:
         if not isinstance(value, list):
@@ -174,6 +179,9 @@ _SHAPE: dict[str, Check] = {
     "hardware": _settings(),
     "data_fingerprint": _name,
     "encoder": _object_of({"sha256": _text, "name": _text}, _anything),
+    "metrics": _list_of(
+        _object_of({"key": _name, "title": _name, "better": _direction}, _anything, needed="key")
+    ),
     "timings": _NUMBERS,
     "epochs": _list_of(_object_of({"epoch": _epoch}, _number, needed="epoch")),
     # epochs: those that the settings asked for (-1: as many as the method takes), and those it took

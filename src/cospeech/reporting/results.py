@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cospeech.reporting.collect import PROTOCOLS, Group, Run, number
-from cospeech.reporting.tables import METRICS, Column, Summary, with_interval
+from cospeech.reporting.tables import Column, Summary, metric_columns, with_interval
 
 INTERVAL = Column("interval", "95 % over recordings")
 _MOST_OTHER_METRICS = 8
@@ -42,7 +42,8 @@ def results_of(groups: Iterable[Group]) -> list[Results]:
 
 def _results(groups: Sequence[Group]) -> Results:
     runs = [run for group in groups for run in group.runs]
-    metrics = [m for m in METRICS if any(_has(run, m.key) for run in runs)] or _others(runs)
+    named = metric_columns(*(run.values for run in runs))
+    metrics = [m for m in named if any(_has(run, m.key) for run in runs)] or _others(runs)
     rows = [
         _row(group, protocol, metrics)
         for protocol in PROTOCOLS
@@ -53,11 +54,11 @@ def _results(groups: Sequence[Group]) -> Results:
     newest = max(runs, key=lambda run: (bool(run.mapping("references")), _finished(run)))
     for name, values in newest.mapping("references").items():
         values = values or {}
-        shown = {metric.key: number(values.get(metric.key)) for metric in METRICS}
+        shown = {metric.key: number(values.get(metric.key)) for metric in named}
         interval = with_interval(values).get("interval")
         label = name.replace("_", " ")
         rows.append({"label": label, "protocol": "reference", **shown, "interval": interval})
-    metrics = [m for m in METRICS if any(row.get(m.key) is not None for row in rows)] or metrics
+    metrics = [m for m in named if any(row.get(m.key) is not None for row in rows)] or metrics
     columns = [Column("label", " "), Column("protocol"), Column("runs")]
     for metric in metrics:
         columns.append(metric)

@@ -38,7 +38,7 @@ class Column:
         return f"{self.title or self.key} {_ARROWS[self.better]}".rstrip()
 
 
-METRICS: tuple[Column, ...] = (
+_BEFORE_RECORDS_SAID: tuple[Column, ...] = (
     Column("fgd", "FGD", "lower"),
     Column("fgd_extrapolated", "FGD at n → ∞", "lower"),
     Column("kernel_distance", "kernel distance", "lower"),
@@ -46,7 +46,21 @@ METRICS: tuple[Column, ...] = (
     Column("joint_mae", "joint error, m", "lower"),
     Column("acceleration_error", "accel. error, m/frame²", "lower"),
 )
-"""What a results table shows of a record, where the record has it."""
+
+
+def metric_columns(*records: Mapping[str, Any]) -> tuple[Column, ...]:
+    """The metrics that records name, in order; of older ones, those that there were.
+
+    Args:
+        records: Values of a ``record.json`` or ``evaluation.json``.
+    """
+    columns = dict[str, Column]()
+    for record in records:
+        named = record.get("metrics")
+        for metric in named if isinstance(named, list) else ():
+            column = Column(metric["key"], metric.get("title", ""), metric.get("better"))
+            columns.setdefault(column.key, column)
+    return tuple(columns.values()) or _BEFORE_RECORDS_SAID
 
 
 @dataclass(frozen=True)
@@ -180,7 +194,7 @@ def result_table(record: Mapping[str, Any], style: Literal["text", "markdown"] =
     for name, values in _mapping(record.get("references")).items():
         rows.append({"row": str(name).replace("_", " "), **with_interval(_mapping(values))})
     columns = [Column("row", " ")]
-    for metric in METRICS:
+    for metric in metric_columns(record):
         if any(row.get(metric.key) is not None for row in rows):
             columns.append(metric)
             if metric.key == "fgd" and any("interval" in row for row in rows):

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.features.field import Gather, Places, WindowField
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.speech import SAMPLE_RATE
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from cospeech.corpus.features.field import Gather, Places, WindowField
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
+from cospeech.motion.upper_body import EVALUATION_FPS
 
 
 def evaluation_frames(frames: int, fps: float) -> int:

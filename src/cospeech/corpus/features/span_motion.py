@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from cospeech.corpus.features.field import nearest
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.motion.motion import Motion, resample_positions, resample_rotations
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.motion.velocities import BodyJoints, body_positions
 
 

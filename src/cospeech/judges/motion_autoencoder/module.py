@@ -11,14 +11,9 @@ from torch import Tensor
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
-from cospeech.metrics.encoder import (
-    EVALUATION_FPS,
-    EVALUATION_FRAMES,
-    EVALUATION_STRIDE,
-    GestureEncoder,
-    PoseAutoencoder,
-)
+from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder
 from cospeech.motion.codecs import DirectionVectorCodec
+from cospeech.motion.upper_body import EVALUATION_FPS, EVALUATION_FRAMES, EVALUATION_STRIDE
 
 LEARNING_RATE = 5e-4
 """As published (spec 2.4)."""

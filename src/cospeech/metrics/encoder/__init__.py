@@ -6,18 +6,10 @@ from cospeech.metrics.encoder.files import (
     load_encoder,
     save_encoder,
 )
-from cospeech.metrics.encoder.frozen import (
-    EVALUATION_FPS,
-    EVALUATION_FRAMES,
-    EVALUATION_STRIDE,
-    GestureEncoder,
-)
+from cospeech.metrics.encoder.frozen import GestureEncoder
 from cospeech.metrics.encoder.network import FEATURE_SIZE, POSE_SIZE, PoseAutoencoder
 
 __all__ = [
-    "EVALUATION_FPS",
-    "EVALUATION_FRAMES",
-    "EVALUATION_STRIDE",
     "FEATURE_SIZE",
     "POSE_SIZE",
     "GestureEncoder",

@@ -13,9 +13,9 @@ from torch import Tensor
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.foreign import parse_json, understood
-from cospeech.metrics.encoder.frozen import EVALUATION_FRAMES, GestureEncoder
+from cospeech.metrics.encoder.frozen import GestureEncoder
 from cospeech.metrics.encoder.network import POSE_SIZE, PoseAutoencoder, flattened_size
-from cospeech.motion.upper_body import TED_AXES
+from cospeech.motion.upper_body import EVALUATION_FRAMES, TED_AXES
 from cospeech.nn.weights_file import filled, read_weights, write_weights
 
 FORMAT = "cospeech.gesture_encoder"

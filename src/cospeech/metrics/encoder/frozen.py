@@ -13,13 +13,6 @@ from torch import Tensor, nn
 from cospeech.metrics.encoder.network import FEATURE_SIZE, POSE_SIZE, PoseAutoencoder
 from cospeech.motion.codecs import direction_vectors
 
-EVALUATION_FRAMES = 34
-"""Frames of a window in the evaluation space."""
-EVALUATION_FPS = 15.0
-"""Frames per second in the evaluation space."""
-EVALUATION_STRIDE = 10
-"""Frames from one evaluation window's start to the next."""
-
 
 class GestureEncoder(nn.Module):
     """Windows of motion to 32-d features, by a trained auto-encoder that no longer changes.
@@ -108,6 +101,17 @@ class GestureEncoder(nn.Module):
             )
         latent: Tensor = self(self.to_features(positions))
         return latent
+
+    @torch.no_grad()
+    def encode_all(self, positions: Tensor, batch_size: int = 512) -> Tensor:
+        """Latent means ``(n, 32)``, on the CPU, of any number of windows, batch by batch.
+
+        Raises:
+            ValueError: As `encode_positions`.
+        """
+        device = self.mean_direction.device
+        batches = positions.split(batch_size)
+        return torch.cat([self.encode_positions(batch.to(device)).cpu() for batch in batches])
 
     def _require_windows(self, features: Tensor) -> None:
         if features.ndim != 3 or features.shape[1:] != (self.frames, POSE_SIZE):

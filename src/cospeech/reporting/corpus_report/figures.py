@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.reporting.figure import PART_COLOURS, Figure, figure_of
 from cospeech.reporting.framing import facing
 from cospeech.reporting.joint_names import LEG, says

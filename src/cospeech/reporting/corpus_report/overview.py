@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.reporting.corpus_report.charts import length_bar
 from cospeech.reporting.corpus_report.statistics import WINDOW_FRAMES, WINDOW_STRIDE
 from cospeech.reporting.corpus_report.totals import CorpusStatistics, SplitTotals

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.files import write_text
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.reporting.corpus_report.distributions import (
     body_section,
     histograms_section,

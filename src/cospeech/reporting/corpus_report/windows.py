@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.splits import Span
-from cospeech.corpus.store import EVALUATION_FPS, Store
+from cospeech.corpus.store import Store
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PHASES
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.reporting.corpus_report.figures import (
     ARMS,
     FIGURES,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import CospeechError
-from cospeech.evaluation import evaluate_recordings, reference_rows
+from cospeech.evaluation import evaluate_recordings, reference_rows, standard_catalogue
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.capabilities import MakesJoints
 from cospeech.metrics.encoder import GestureEncoder
@@ -111,7 +111,8 @@ def multi_adversary_figures(
             for joints, pitch in zip(recordings, pitches, strict=True)
         ]
 
-    floor = reference_rows(store, encoder, split, seed).get("real_halves", {}).get("fgd")
+    catalogue = standard_catalogue()
+    floor = reference_rows(store, encoder, split, seed, catalogue).get("real_halves", {}).get("fgd")
     real_recordings = [take.joints for take in held_out.takes]
     motions = [
         SystemMotion(
@@ -126,7 +127,7 @@ def multi_adversary_figures(
     ]
     for system in in_paper_order(systems):
         motions.append(motion_of(system, held_out, chosen, layout, phases_of))
-        row = evaluate_recordings(system.method, store, split, encoder)
+        row = evaluate_recordings(system.method, store, split, encoder, catalogue)
         ends = row.get("fgd_low"), row.get("fgd_high")
         interval = None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
         motions[-1] = replace(motions[-1], fgd=row["fgd"], fgd_interval=interval)

@@ -17,11 +17,10 @@ from cospeech.metrics.beat_consistency import (
     beat_consistency,
     lag_profile,
 )
-from cospeech.metrics.encoder import EVALUATION_FPS
+from cospeech.metrics.evaluation_windows import cut_windows
 from cospeech.metrics.gesture_statistics.movement import border_steps, velocity_power
-from cospeech.metrics.protocol import cut_windows
 from cospeech.motion.motion import Motion, resample_positions
-from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.motion.upper_body import EVALUATION_FPS, UPPER_BODY
 
 LAGS_S = tuple(round(0.05 * step, 2) for step in range(-12, 13))
 """At which the lift is looked at, seconds by which speech follows motion."""
@@ -73,7 +72,7 @@ class SynchronyRow:
         at_lag: Beat consistency at the study's lag.
         at_none: The same without a lag.
         profile: ``(len(LAGS_S), 2)`` lifts at `LAGS_S`, audio to motion and motion to audio.
-        fgd: Values of `cospeech.metrics.protocol.paired_row`; of recorded motion those of its two
+        fgd: Values of `cospeech.evaluation.Catalogue.row`; of recorded motion those of its two
             halves; None where the distance says nothing.
         moving: Steps and speeds; None where they are those of another row.
     """

@@ -14,12 +14,13 @@ import torch
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
-from cospeech.evaluation import real_windows, reference_rows
+from cospeech.evaluation import real_windows, reference_rows, standard_catalogue
 from cospeech.files import write_text
-from cospeech.metrics import protocol
 from cospeech.metrics.beat_consistency import BeatClip, MotionBeats, StressedSyllables, beat_clip
 from cospeech.metrics.encoder import GestureEncoder
+from cospeech.metrics.evaluation_windows import EvaluationWindows, to_evaluation_windows
 from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import EVALUATION_FRAMES
 from cospeech.progress import progress_bar
 from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
@@ -104,18 +105,21 @@ def synchrony(
     if lag_s is None:
         training = _clips(store, _spans(store, "train"), detectors, "beats of the training part")
         lag_s = lag_of(training, seed)
-    floor = reference_rows(store, encoder, split, seed).get("real_halves")
+    catalogue = standard_catalogue()
+    floor = reference_rows(store, encoder, split, seed, catalogue).get("real_halves")
     rows = [measure(RECORDED, own, lag_s, seed, floor, how_it_moves(recorded))]
     rng = np.random.default_rng(seed)
     if swapped := mismatched_clips(own, PARTNERS, rng):
         rows.append(measure(MISMATCHED, swapped, lag_s, seed, None, None))
     else:
         _logger.warning("%s: one %s recording, so no mismatched speech", store.name, split)
-    real, ids = real_windows(store, spans)
+    recorded_windows, ids = real_windows(store, spans)
+    real = EvaluationWindows(recorded_windows, encoder.encode_all(recorded_windows))
     for name, system in systems.items():
         motions = _generated(name, system, speeches, recorded, names)
-        windows = torch.cat([protocol.to_evaluation_windows(motion) for motion in motions])
-        fgd = protocol.paired_row(encoder, windows, real, ids, seed)
+        windows = torch.cat([to_evaluation_windows(motion) for motion in motions])
+        made = real.moving(windows, encoder.encode_all(windows))
+        fgd = catalogue.row(made, real, recording_ids=ids, seed=seed)
         clips = [
             replace(clip, motion_beats=detectors.motion(motion))
             for clip, motion in zip(own, motions, strict=True)
@@ -126,7 +130,7 @@ def synchrony(
 
 def _spans(store: Store, split: str) -> list[Span]:
     long_enough = [
-        span for span in store.splits[split] if span.stop - span.start >= protocol.EVALUATION_FRAMES
+        span for span in store.splits[split] if span.stop - span.start >= EVALUATION_FRAMES
     ]
     return store.spans_with_sound(long_enough, f"{split} recordings")
 
@@ -159,8 +163,8 @@ def _generated(
         strict=True,
     ):
         motion = system(speech, speaker)
-        windows = len(protocol.to_evaluation_windows(motion))
-        expected = len(protocol.to_evaluation_windows(real))
+        windows = len(to_evaluation_windows(motion))
+        expected = len(to_evaluation_windows(real))
         if windows != expected:
             raise CospeechError(
                 f"{name} made {motion.duration:.2f} s of motion for recording {recording}, which"

@@ -7,11 +7,13 @@ import pytest
 import torch
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation import evaluate_recordings, reference_rows
+from cospeech.evaluation import evaluate_recordings, reference_rows, standard_catalogue
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from tests.corpora import REST_POSE, make_recording, make_store
+
+METRICS = standard_catalogue()
 
 
 def untrained_encoder(store, seed):
@@ -27,7 +29,7 @@ def test_too_few_recordings_are_counted_and_what_to_do_is_said(tmp_path, seconds
     takes = [make_recording(f"take{i}", seconds=10, seed=i) for i in range(3)]
     store = make_store(tmp_path, [*takes, make_recording("last", seconds=seconds)])
     with pytest.raises(CospeechError) as caught:
-        reference_rows(store, SimpleNamespace(sha256=64 * "0"), "test", seed=0)
+        reference_rows(store, SimpleNamespace(sha256=64 * "0"), "test", seed=0, catalogue=METRICS)
     told = f"1 recordings to judge on, the longest of {seconds:.2f} s, hold {windows} evaluation"
     assert told in str(caught.value)
     assert "data.split=time_blocks" in str(caught.value)
@@ -37,17 +39,17 @@ def test_recordings_too_short_to_generate_for_are_refused_before_anything_is_mad
     takes = [make_recording(f"take{i}", seconds=10, seed=i) for i in range(3)]
     store = make_store(tmp_path, [*takes, make_recording("last", seconds=2)])
     with pytest.raises(CospeechError, match=r"1 recordings to judge on, the longest of 2\.00 s"):
-        evaluate_recordings(None, store, "test", None)
+        evaluate_recordings(None, store, "test", None, METRICS)
 
 
 def test_reference_rows_are_kept_for_their_encoder_and_their_seed(tmp_path):
     store = make_store(tmp_path, [make_recording(f"take{i}", seconds=12, seed=i) for i in range(5)])
     one, other = untrained_encoder(store, 1), untrained_encoder(store, 2)
-    rows = reference_rows(store, one, "test", seed=0)
-    assert reference_rows(store, one, "test", seed=1) != rows
-    assert reference_rows(store, other, "test", seed=0) != rows
-    assert reference_rows(store, one, "val", seed=0) != rows
-    assert reference_rows(store, one, "test", seed=0) == rows
+    rows = reference_rows(store, one, "test", seed=0, catalogue=METRICS)
+    assert reference_rows(store, one, "test", seed=1, catalogue=METRICS) != rows
+    assert reference_rows(store, other, "test", seed=0, catalogue=METRICS) != rows
+    assert reference_rows(store, one, "val", seed=0, catalogue=METRICS) != rows
+    assert reference_rows(store, one, "test", seed=0, catalogue=METRICS) == rows
     assert len(list((store.path / "references").iterdir())) == 4
 
 
@@ -66,7 +68,7 @@ class Still(torch.nn.Module):
 
 def test_a_recording_is_generated_by_its_speaker_from_its_own_seed_without_dropout(tmp_path):
     store, method = make_store(tmp_path), Still()
-    evaluate_recordings(method, store, "train", untrained_encoder(store, 0))
+    evaluate_recordings(method, store, "train", untrained_encoder(store, 0), METRICS)
     speakers = ("ada", "ben", "ada", "ben")
     assert method.asked == [(name, number, False) for number, name in enumerate(speakers)]
     assert method.training  # as it was before
@@ -76,5 +78,5 @@ def test_who_never_spoke_in_the_training_has_no_name(tmp_path):
     names = ("ada", "ada", "ada", "new")
     takes = [make_recording(f"take{i}", name, seed=i) for i, name in enumerate(names)]
     store, method = make_store(tmp_path, takes), Still()
-    evaluate_recordings(method, store, "test", untrained_encoder(store, 0))
+    evaluate_recordings(method, store, "test", untrained_encoder(store, 0), METRICS)
     assert method.asked == [(None, 0, False)]

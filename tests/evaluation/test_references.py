@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech.metrics import protocol
+from cospeech.errors import CospeechError
+from cospeech.evaluation import references, standard_catalogue
 from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder, load_any
+from cospeech.metrics.evaluation_windows import EvaluationWindows, to_evaluation_windows
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.noise_study import LEVELS, NoiseRow, plot_noise_study, run_noise_study
 from cospeech.motion.codecs import DirectionVectorCodec
@@ -16,6 +18,7 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 
+METRICS = standard_catalogue()
 BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
 
 
@@ -29,7 +32,7 @@ def ramp(frames, fps):
 @pytest.mark.parametrize("fps", [15.0, 20.0, 30.0, 120.0])
 def test_windows_lie_on_the_grid_at_any_rate(fps):
     # 5.2 s hold 78 frames at 15 fps; starts 0, 10, 20, 30, 40 leave room for 34 frames.
-    windows = protocol.to_evaluation_windows(ramp(round(5.2 * fps), fps))
+    windows = to_evaluation_windows(ramp(round(5.2 * fps), fps))
     assert windows.shape == (5, 34, 10, 3)
     times = (10 * torch.arange(5)[:, None] + torch.arange(34)) / 15
     torch.testing.assert_close(windows[:, :, 3, 0], times + 3, atol=1e-5, rtol=0)
@@ -37,39 +40,39 @@ def test_windows_lie_on_the_grid_at_any_rate(fps):
 
 @pytest.mark.parametrize(("frames", "count"), [(33, 0), (34, 1), (43, 1), (44, 2)])
 def test_only_full_windows_count(frames, count):
-    assert len(protocol.to_evaluation_windows(ramp(frames, 15.0))) == count
+    assert len(to_evaluation_windows(ramp(frames, 15.0))) == count
 
 
 def test_other_skeletons_are_refused():
     arm = Skeleton("arm", ("shoulder", "elbow"), (-1, 0))
     motion = Motion(arm, 15.0, np.zeros((40, 2, 3), dtype=np.float32))
     with pytest.raises(ValueError, match="not skeleton arm"):
-        protocol.to_evaluation_windows(motion)
+        to_evaluation_windows(motion)
 
 
 @pytest.mark.parametrize("sizes", [(5, 5, 5), (1, 9, 10), (3, 1, 4, 1, 5, 9, 2, 6), (4, 4)])
 def test_mismatch_moves_every_window_to_another_recording(sizes):
     ids = [recording for recording, size in enumerate(sizes) for _ in range(size)]
     for seed in range(5):
-        other = protocol._other_recording(ids, torch.Generator().manual_seed(seed))
+        other = references._other_recording(ids, torch.Generator().manual_seed(seed))
         assert sorted(other.tolist()) == list(range(len(ids)))
         assert all(ids[i] != ids[j] for i, j in enumerate(other.tolist()))
 
 
 def test_mismatch_within_the_only_recording_still_moves_every_window():
-    other = protocol._other_recording(["a"] * 7, torch.Generator().manual_seed(0))
+    other = references._other_recording(["a"] * 7, torch.Generator().manual_seed(0))
     assert sorted(other.tolist()) == list(range(7))
     assert all(i != j for i, j in enumerate(other.tolist()))
 
 
 def test_halves_share_no_recording_and_are_about_equal():
     ids = [recording for recording in range(12) for _ in range(5 + recording % 3)]
-    mask = protocol._halves(ids, torch.Generator().manual_seed(0))
+    mask = references._halves(ids, torch.Generator().manual_seed(0))
     assert mask is not None
     sides = [{ids[i] for i in side.nonzero().flatten().tolist()} for side in (mask, ~mask)]
     assert not sides[0] & sides[1]
     assert abs(mask.float().mean().item() - 0.5) < 0.06
-    assert protocol._halves(["a"] * 9, torch.Generator().manual_seed(0)) is None
+    assert references._halves(["a"] * 9, torch.Generator().manual_seed(0)) is None
 
 
 def ted_culture(folder):
@@ -97,9 +100,7 @@ def ted_culture(folder):
                 bones = [vectors[:, k] for k in (0, 37, 1, 3, 4, 2, 20, 21)]
                 bones.insert(2, head)
                 positions = codec.decode(torch.stack(bones, 1).flatten(1), unit_length=True)
-                windows = protocol.to_evaluation_windows(
-                    Motion(UPPER_BODY, 15.0, positions.numpy())
-                )
+                windows = to_evaluation_windows(Motion(UPPER_BODY, 15.0, positions.numpy()))
                 into.append(windows)
         ids += [path.stem] * len(windows)
     return torch.cat(real), torch.cat(model), ids
@@ -129,10 +130,16 @@ def test_published_encoder_knows_real_people_in_our_axes_only(published, people)
         assert error(signs) > 3 * ours
 
 
+def encoded(encoder, positions):
+    return EvaluationWindows(positions, encoder.encode_all(positions))
+
+
 def test_rows_of_real_people(published, people):
     real, model, ids = people
-    rows = protocol.reference_rows(published, real.split(50), real, ids)
-    rows["model"] = protocol.paired_row(published, model, real, ids)
+    train = [encoded(published, batch) for batch in real.split(50)]
+    real, model = encoded(published, real), encoded(published, model)
+    rows = references.rows_of(published, train, real, ids, 0, METRICS)
+    rows["model"] = METRICS.row(model, real, recording_ids=ids)
     assert json.loads(json.dumps(rows)) == rows
 
     assert rows["real_train"]["fgd"] == pytest.approx(0, abs=1e-9)
@@ -156,25 +163,24 @@ def test_rows_of_real_people(published, people):
 
 def test_row_agrees_with_the_streaming_metric(published, people):
     real, model, ids = people
-    metric = FrechetGestureDistance(published)
-    for batch in real.split(32):
-        metric.update(batch, real=True)
-    for batch in model.split(32):
-        metric.update(batch, real=False)
-    row = protocol.paired_row(published, model, real, ids)
-    assert metric.compute().item() == pytest.approx(row["fgd"], rel=1e-5)
+    metric = FrechetGestureDistance()
+    for a, b in zip(model.split(32), real.split(32), strict=True):
+        metric.update(encoded(published, a), encoded(published, b))
+    row = METRICS.row(encoded(published, model), encoded(published, real), recording_ids=ids)
+    assert metric.compute()["fgd"].item() == pytest.approx(row["fgd"], rel=1e-5)
 
 
 def test_one_recording_gives_the_rows_that_it_can(caplog):
     encoder = GestureEncoder(PoseAutoencoder(), [0.0] * 27)
     positions = torch.randn(40, 34, 10, 3, generator=torch.Generator().manual_seed(0))
+    real = encoded(encoder, positions)
     with caplog.at_level(logging.WARNING):
-        rows = protocol.reference_rows(encoder, [positions], positions, ["only"] * 40)
+        rows = references.rows_of(encoder, [real], real, ["only"] * 40, 0, METRICS)
     assert "real_halves" not in rows
     assert "fgd_low" not in rows["noise"]
     assert "no real-versus-real floor" in caplog.text
-    with pytest.raises(ValueError, match="two training and two evaluation windows"):
-        protocol.reference_rows(encoder, [], positions, ["only"] * 40)
+    with pytest.raises(CospeechError, match="0 windows to be compared with 40 real ones"):
+        references.rows_of(encoder, [], real, ["only"] * 40, 0, METRICS)
 
 
 def test_noise_study_shows_what_the_paper_reports(published, people):

@@ -1,0 +1,73 @@
+"""The recordings protocol: generate over each whole recording, cut, compare."""
+
+from __future__ import annotations
+
+import torch
+
+from cospeech.corpus.store import Store
+from cospeech.errors import CospeechError
+from cospeech.evaluation.catalogue import Catalogue
+from cospeech.evaluation.real_windows import judged_windows, long_enough, too_little
+from cospeech.methods.base import GestureMethod
+from cospeech.metrics.encoder import GestureEncoder
+from cospeech.metrics.evaluation_windows import to_evaluation_windows
+from cospeech.progress import progress_bar
+
+
+def evaluate_recordings(
+    method: GestureMethod,
+    store: Store,
+    split: str,
+    encoder: GestureEncoder,
+    catalogue: Catalogue,
+    limit: int | None = None,
+) -> dict[str, float]:
+    """One method's numbers by the recordings protocol.
+
+    No seed motion is given: the motion comes from speech (and the speaker, where known) alone.
+    Recording i is generated from seed i. Recordings without sound can't be generated for, and are
+    left out with a warning.
+
+    Args:
+        method: A trained method.
+        store: The corpus.
+        split: The split to judge on.
+        encoder: The evaluation space.
+        catalogue: The metrics.
+        limit: At most so many recordings (debug runs).
+
+    Returns:
+        The values of `Catalogue.row`.
+
+    Raises:
+        CospeechError: No recording of the split has sound and the length of a window.
+    """
+    spans = long_enough(store, split)
+    if not spans:
+        raise too_little(store, store.splits[split], 0)
+    spans = store.spans_with_sound(spans, f"{split} recordings")[:limit]
+    real, ids = judged_windows(store, split, spans, encoder, catalogue.needs)
+    generated = []
+    training = method.training
+    method.eval()
+    for number, span in enumerate(
+        progress_bar(spans, len(spans), f"generating {split} recordings")
+    ):
+        speaker = store.recordings[span.recording].speaker
+        motion = method.generate(
+            store.speech(span),
+            speaker=speaker if speaker in store.speaker_ids else None,
+            generator=torch.Generator().manual_seed(number),
+        )
+        windows = to_evaluation_windows(motion)
+        expected = len(to_evaluation_windows(store.upper_body_motion(span)))
+        if len(windows) != expected:
+            raise CospeechError(
+                f"{type(method).__name__} made {motion.duration:.2f} s of motion for recording"
+                f" {store.recordings[span.recording].id}: {len(windows)} windows, not {expected}"
+            )
+        generated.append(windows)
+    method.train(training)
+    positions = torch.cat(generated)
+    made = real.moving(positions, encoder.encode_all(positions))
+    return catalogue.row(made, real, recording_ids=ids)

@@ -1,0 +1,175 @@
+"""A metric that one line of yaml names stands everywhere, and reads what the method doesn't."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from callbacks.evaluate_fgd import EvaluateFGD
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.windows import WindowDataset, WindowSpec
+from cospeech.errors import ConfigError
+from cospeech.evaluation import (
+    Catalogue,
+    EpochEvaluation,
+    evaluate_recordings,
+    reference_rows,
+    standard_catalogue,
+)
+from cospeech.evaluation.epochs import cut_field
+from cospeech.judges.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.fgd import FrechetGestureDistance
+from cospeech.metrics.joint_mae import JointMAE
+from cospeech.metrics.window_metric import MeanOverWindows
+from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.reporting.tables import result_table
+from tests.corpora import REST_POSE, make_recording, make_store
+
+WINDOW_SAMPLES = round(34 / 15 * 16000)
+
+
+class Loudness(MeanOverWindows):
+    """Mean level of what is said, beside the mean height of what is done."""
+
+    title, unit = "loudness", "full scale"
+    needs = frozenset({"audio"})
+    compares = "nothing"
+    higher_is_better = True
+
+    def mean(self, generated, real):
+        assert generated.fields["audio"].shape == (len(generated), WINDOW_SAMPLES)
+        return generated.fields["audio"].abs().double().mean()
+
+
+class Still(torch.nn.Module):
+    def generate(self, speech, speaker, generator):
+        frames = math.ceil(speech.duration * 15)
+        return Motion(UPPER_BODY, 15.0, REST_POSE[None].repeat(frames, axis=0))
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    takes = [make_recording(f"take{i}", seconds=8, seed=i) for i in range(6)]
+    return make_store(tmp_path_factory.mktemp("catalogue"), takes)
+
+
+@pytest.fixture(scope="module")
+def encoder(store):
+    torch.manual_seed(0)
+    return MotionAutoencoder(store.facts()).encoder("untrained")
+
+
+CATALOGUE = Catalogue(
+    {"fgd": FrechetGestureDistance(), "joint_mae": JointMAE(), "loudness": Loudness()}
+)
+
+
+def loudness_of(store, split):
+    """The mean over windows on the fixed grid, from the sound itself."""
+    levels = []
+    for span in store.splits[split]:
+        waveform = store.speech(span).waveform
+        for first in range(0, span.stop - span.start - 33, 10):
+            start = round(first / 15 * 16000)
+            levels.append(np.abs(waveform[start : start + WINDOW_SAMPLES]).mean())
+    return float(np.mean(levels))
+
+
+def test_a_metric_of_sound_stands_in_every_row(store, encoder):
+    rows = reference_rows(store, encoder, "test", 0, CATALOGUE)
+    expected = loudness_of(store, "test")
+    assert rows["real_train"]["loudness"] == pytest.approx(loudness_of(store, "train"), rel=1e-3)
+    halves = rows.pop("real_halves", None)
+    assert halves is None or halves["loudness"] > 0
+    for name in rows.keys() - {"real_train"}:
+        # motion changes, or comes from another recording; the speech is the row's own
+        assert rows[name]["loudness"] == pytest.approx(expected, rel=1e-3), name
+    made = evaluate_recordings(Still(), store, "test", encoder, CATALOGUE)
+    assert made["loudness"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_rows_hold_what_means_something_in_them(store, encoder):
+    rows = reference_rows(store, encoder, "test", 0, CATALOGUE)
+    assert "joint_mae" not in rows["real_train"]  # windows that are no pairs
+    assert "fgd" not in rows["mismatched"]  # the same windows, as a set
+    for name in rows.keys() - {"real_train", "real_halves", "mismatched"}:
+        assert {"fgd", "joint_mae", "loudness", "windows"} <= rows[name].keys()
+
+
+def test_rows_are_kept_for_their_metrics(store, encoder):
+    rows = reference_rows(store, encoder, "val", 0, CATALOGUE)
+    others = reference_rows(store, encoder, "val", 0, Catalogue({"fgd": FrechetGestureDistance()}))
+    assert "loudness" in rows["noise"]
+    assert "loudness" not in others["noise"]
+    whole = Catalogue({"joint_mae": JointMAE(seed_frames=0)})
+    assert whole.digest != Catalogue({"joint_mae": JointMAE()}).digest
+
+
+def test_an_epoch_has_it_and_the_batch_gets_its_field(store, encoder):
+    window = WindowSpec(15, 34, 4, 10)
+    windows = WindowDataset(store, "val", window, frozenset({"positions"}) | CATALOGUE.needs)
+    callback = EvaluateFGD(SimpleNamespace(encoder=encoder, catalogue=CATALOGUE))
+    evaluation = EpochEvaluation(CATALOGUE, encoder, window, torch.device("cpu"))
+    callback._evaluation = evaluation
+    for index in range(len(windows)):
+        batch = windows.batch([index])
+        callback._update(batch.positions, batch)
+    values = evaluation.compute()
+    assert values["loudness"].item() == pytest.approx(loudness_of(store, "val"), rel=1e-3)
+    assert values["joint_mae"].item() == 0
+
+
+def test_the_table_has_its_column_with_its_arrow():
+    row = {"fgd": 2.0, "fgd_extrapolated": 1.0, "loudness": 0.25, "joint_mae": 0.1}
+    record = {
+        "model": "m",
+        "final": {"windows": row, "recordings": row},
+        "references": {"noise": row},
+        "metrics": CATALOGUE.described(),
+    }
+    lines = result_table(record).splitlines()
+    heading = lines[0]
+    assert "FGD ↓" in heading
+    assert "FGD at n → ∞ ↓" in heading
+    assert "joint error, m ↓" in heading
+    assert "loudness, full scale ↑" in heading
+    assert all(line.rstrip().endswith("0.2500") for line in lines[2:5])
+
+
+def test_anything_else_in_the_catalogue_is_refused():
+    with pytest.raises(ConfigError, match=r"metrics\.catalogue\.x is a Linear"):
+        Catalogue({"x": torch.nn.Linear(1, 1)})
+
+
+def test_windows_of_twenty_frames_a_second_are_cut_at_their_times():
+    """Every field shows what there is at the evaluation's times."""
+    window = WindowSpec(20, 100, 0, 50, past=10)
+    frames = torch.arange(110.0)[None] - 10  # acoustics come with ten frames of the past
+    acoustics = cut_field("acoustics", frames[..., None] / 20, window, 5)
+    phases = cut_field("phases", torch.arange(100.0)[None] / 20, window, 5)
+    audio = cut_field("audio", torch.arange(80000.0)[None] / 16000, window, 5)
+    times = (10 * torch.arange(5)[:, None] + torch.arange(34)) / 15
+    assert (acoustics[..., 0] - times).abs().max() <= 0.5 / 20 + 1e-5
+    assert (phases - times).abs().max() <= 0.5 / 20 + 1e-5
+    assert audio.shape == (5, WINDOW_SAMPLES)
+    torch.testing.assert_close(audio[:, 0], times[:, 0], atol=1e-4, rtol=0)
+    assert cut_field("speakers", torch.tensor([3, 4]), window, 2).tolist() == [3, 3, 4, 4]
+
+
+def test_sound_that_a_last_window_lacks_is_silence():
+    window = WindowSpec(15, 34, 4, 10)
+    audio = cut_field("audio", torch.ones(1, WINDOW_SAMPLES - 5), window, 1)
+    assert audio.sum() == WINDOW_SAMPLES - 5
+    assert audio.shape == (1, WINDOW_SAMPLES)
+
+
+def test_damaged_weights_are_told_of(encoder):
+    window = WindowSpec(15, 34, 4, 10)
+    positions = torch.randn(2, 34, 10, 3)
+    evaluation = EpochEvaluation(standard_catalogue(), encoder, window, torch.device("cpu"))
+    batch = GestureBatch(torch.arange(2), positions=positions)
+    with pytest.raises(Exception, match="its weights are damaged"):
+        evaluation.update(positions / 0, batch)
