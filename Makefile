@@ -1,6 +1,7 @@
 # make demo    train a small trimodal model on the embedded corpus; ends with a table and a page to open
 # make test    the fast tests
-# make check   what CI runs: fast tests, lint, types, layers, slow tests
+# make docs    the site: outputs/site/index.html
+# make check   what CI runs: fast tests, lint, types, layers, the site, slow tests
 #
 # Each starts from a clone with nothing but Python 3.11+ and make. PIP_ARGS is passed to every pip
 # call (a mirror, an index with another build of torch, ...).
@@ -12,7 +13,7 @@ EXTRAS ?= dev
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check $(PIP_ARGS) -c constraints.txt
 
-.PHONY: help demo test slow lint check clean
+.PHONY: help demo test slow lint docs check clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -37,6 +38,10 @@ $(DEV): pyproject.toml constraints.txt | $(VENV)/.torch
 	$(PIP) -e '.[$(EXTRAS)]'
 	@touch $@ $(VENV)/.demo
 
+$(VENV)/.docs: pyproject.toml constraints.txt | $(VENV)/.torch
+	$(PIP) -e '.[docs]'
+	@touch $@
+
 demo: $(VENV)/.demo
 	$(BIN)/python train.py model=trimodal experiment=trimodal_quick
 
@@ -52,7 +57,10 @@ lint: $(DEV)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-check: test lint slow
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+check: test lint docs slow
 
 clean:
 	rm -rf $(VENV)

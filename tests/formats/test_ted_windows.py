@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +28,8 @@ from tests.fabricated.ted_cache import (
     direction_vectors,
 )
 from tests.fabricated.ted_clips import make_clip
+
+FACTS = Path(__file__).resolve().parents[2] / "docs" / "facts"
 
 
 def fixture_clips(folder, database):
@@ -103,9 +106,10 @@ def test_resampling_goes_on_past_the_last_frame():
     np.testing.assert_allclose(resampled[:, 0, 0], np.arange(15) * 4 / 15, atol=2e-3)
 
 
-def test_published_means_agree_with_each_other_and_the_specification(shared):
-    """Spec 3.1 and 3.2: the digits, and that both means are of one body."""
-    text = (shared / "specs" / "trimodal.md").read_text(encoding="utf-8")
+def test_published_means_agree_with_each_other_and_the_facts():
+    """docs/facts/trimodal.md, sections 3.1 and 3.2: the digits, and that both means are of one
+    body."""
+    text = (FACTS / "trimodal.md").read_text(encoding="utf-8")
     for title, mean in (
         ("Mean direction vector (27):", PUBLISHED_MEAN_DIRECTION),
         ("Mean pose (30):", PUBLISHED_MEAN_POSE),

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,8 @@ from tests.fabricated.mocap import (
     write_trinity_release,
 )
 
+FACTS = Path(__file__).resolve().parents[2] / "docs" / "facts"
+
 
 def all_names():
     return [f"NaturalTalking_{n}" for n in (*TRAINING.values(), *TEST.values())]
@@ -35,8 +38,8 @@ def test_the_renaming_table_is_one_to_one():
     assert len(set(all_names())) == 33
 
 
-def test_the_renaming_table_is_the_specifications(shared):
-    text = (shared / "specs" / "gesticulator_and_baselines.md").read_text(encoding="utf-8")
+def test_the_renaming_table_is_the_one_of_the_facts():
+    text = (FACTS / "trinity_and_gesticulator.md").read_text(encoding="utf-8")
     for title, table in (("train", TRAINING), ("test", TEST)):
         (row,) = re.findall(rf"^\| GENEA {title} → Trinity \| (.+) \|$", text, re.MULTILINE)
         pairs = (pair.split("→") for pair in row.split())
@@ -50,7 +53,7 @@ def test_the_released_split_is_gesticulators():
     }
     assert by_split["val"] == ["001", "002"]
     assert by_split["test"] == ["004", "005"]
-    # the effective training set by the specification: 19 takes
+    # docs/facts/trinity_and_gesticulator.md, section 1: 19 takes are trained on
     assert [int(n) for n in by_split["train"]] == [7, 8, *range(10, 20), 21, 22, 23, 25, 26, 27, 30]
     assert all(released_split(n) is None for n in names if n.endswith("_2"))
 

@@ -1,0 +1,150 @@
+"""The how-tos do what they say."""
+
+import importlib
+import inspect
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hydra.utils import get_class
+
+from cospeech.errors import CospeechError
+from cospeech.experiment.settings import known_arguments
+from cospeech.speech.audio import save_wav
+from tests.corpora import make_recording, make_store
+from tests.docs.pages import PROJECT, Page, checkout, typed
+
+HOW_TOS = sorted(path.stem for path in (PROJECT / "docs" / "how_to").glob("*.md"))
+
+
+class Added:
+    """The files of a page, as if they lay in the project.
+
+    Attributes:
+        page: The page.
+        folder: Where they lie.
+    """
+
+    def __init__(self, page: Page, folder, monkeypatch) -> None:
+        self.page, self.folder = page, folder
+        page.write(folder)
+        for title in {block.title for block in page.files if block.language == "python"}:
+            package = Path(title).parent
+            if package.parts[0].endswith("tests"):  # or at the end of one of the project's
+                continue
+            if not (PROJECT / package).is_dir():
+                package = package.parent  # of a package of the page's own
+            module = importlib.import_module(".".join(package.parts).removeprefix("src."))
+            path = [*module.__path__, str(folder / package)]
+            monkeypatch.setattr(module, "__path__", path)
+
+    def yamls(self) -> dict:
+        """Path -> content of those that it has."""
+        paths = self.folder.glob("conf/*/*.yaml")
+        return {path: yaml.safe_load(path.read_text(encoding="utf-8")) for path in paths}
+
+    def tests(self) -> dict:
+        """The tests that the page itself has, by name."""
+        names: dict = {}
+        for block in self.page.files:
+            if block.title.startswith("tests/"):
+                exec(block.code, names)
+        return {name: test for name, test in names.items() if name.startswith("test_")}
+
+
+@pytest.fixture
+def added(request, tmp_path, monkeypatch):
+    yield Added(Page(f"how_to/{request.param}.md"), tmp_path, monkeypatch)
+    for name, module in list(sys.modules.items()):
+        if (getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+def page(name: str):
+    return pytest.mark.parametrize("added", [name], indirect=True)
+
+
+@pytest.mark.parametrize("name", HOW_TOS)
+def test_every_piece_of_code_is_a_file_or_a_command(name):
+    blocks = Page(f"how_to/{name}.md").blocks
+    assert all(bool(block.title) is (block.language != "bash") for block in blocks)
+    assert any(block.language == "python" for block in blocks)
+    assert any(block.language == "bash" for block in blocks)
+
+
+@pytest.mark.parametrize("added", ["add_a_method", "add_a_corpus"], indirect=True)
+def test_a_yaml_has_every_argument_of_its_class(added):
+    ((path, content),) = added.yamls().items()
+    values = content.get(path.parent.name, content)
+    target = values.pop("_target_")
+    shared = {"defaults"}
+    if path.parent.name == "data":
+        base = yaml.safe_load((PROJECT / "conf/data/base.yaml").read_text(encoding="utf-8"))
+        values |= base
+    assert set(values) - shared == set(known_arguments(target)) - {"corpus"}
+
+
+@pytest.mark.parametrize("added", ["add_a_metric", "add_an_adversary"], indirect=True)
+def test_the_tests_of_a_page_pass(added, tmp_path):
+    tests = added.tests()
+    assert tests
+    for test in tests.values():
+        test(*[tmp_path / "store"] * len(inspect.signature(test).parameters))
+
+
+@page("add_a_method")
+def test_the_method_of_its_page_speaks_piece_by_piece(added, tmp_path):
+    (content,) = added.yamls().values()
+    store = make_store(tmp_path / "stores")
+    method = get_class(content["model"].pop("_target_"))(store.facts(), **content["model"])
+    speech = make_recording("a", seconds=3.14).speech
+    whole = method.generate(speech)
+    assert len(whole) == np.ceil(3.14 * 15)
+    stream = method.open("ada")
+    pieces = [stream.push(piece) for piece in np.array_split(speech.waveform, 7)]
+    together = [piece.positions for piece in [*pieces, stream.finish()] if piece is not None]
+    np.testing.assert_array_equal(np.concatenate(together), whole.positions)
+    assert np.ptp(whole.positions, axis=0).max() > 1e-3
+
+
+@page("add_a_corpus")
+def test_the_corpus_of_its_page_is_read_and_damage_is_told(added, tmp_path):
+    find_takes = importlib.import_module("cospeech.formats.positions").find_takes
+    recording = make_recording("take", seconds=4)
+    root = tmp_path / "root" / "ada"
+    root.mkdir(parents=True)
+    np.savez(root / "take.npz", positions=recording.motion.positions, fps=15.0)
+    save_wav(root / "take.wav", recording.speech.waveform)
+    (source,) = find_takes(root.parent)
+    (read,) = source.read()
+    np.testing.assert_array_equal(read.motion.positions, recording.motion.positions)
+    assert (read.id, read.speaker, read.speech.duration) == ("ada-take", "ada", 4.0)
+    assert all(path.is_file() for path in source.files)
+    (root / "take.npz").write_bytes(b"no numbers")
+    with pytest.raises(CospeechError, match=r"take\.npz"):
+        list(source.read())
+    with pytest.raises(CospeechError, match=r"data\.root"):
+        find_takes(root)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HOW_TOS)
+def test_the_commands_of_a_how_to_run_in_a_checkout_with_its_files(name, tmp_path):
+    page = Page(f"how_to/{name}.md")
+    page.write(checkout(tmp_path))
+    for command in page.commands:
+        typed(command, tmp_path)
+
+
+@pytest.mark.slow
+def test_getting_started_and_the_stream_run_as_they_are_typed(tmp_path):
+    checkout(tmp_path)
+    for name in ("getting_started.md", "streams.md"):
+        page = Page(name)
+        page.write(tmp_path)
+        printed = [typed(command, tmp_path) for command in page.commands]
+        assert printed
+    assert "finished: 150 frames at 15 fps" in printed[-1]
+    assert list(tmp_path.glob("outputs/runs/knn-*/samples/player.html"))
