@@ -12,11 +12,12 @@ from cospeech.evaluation import references, standard_catalogue
 from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder, load_any
 from cospeech.metrics.evaluation_windows import EvaluationWindows, to_evaluation_windows
 from cospeech.metrics.fgd import FrechetGestureDistance
-from cospeech.metrics.noise_study import LEVELS, NoiseRow, plot_noise_study, run_noise_study
+from cospeech.metrics.noise_study import LEVELS, NoiseRow, run_noise_study
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.studies.noise import plot_noise_study
 
 METRICS = standard_catalogue()
 BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
