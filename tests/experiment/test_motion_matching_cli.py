@@ -111,7 +111,7 @@ def test_controlled_generation_from_files(search_run, tmp_path):
         ((), "run is not set"),
         (("run=nowhere", "audio=speech.wav"), "run=nowhere: no record.json"),
         (("run={folder}", "audio={tmp}/none.wav"), "none.wav"),
-        (("run={folder}", "audio={tmp}/a.wav", "speaker=nobody"), "no training speaker is called"),
+        (("run={folder}", "audio={tmp}/a.wav", "speaker=nobody"), "no training speaker 'nobody'"),
         (("run={folder}", "audio={tmp}/a.wav", "controls={tmp}/c.yaml"), "c.yaml"),
     ],
 )

@@ -15,7 +15,6 @@ from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.finished_run import load
 from cospeech.files import replacing
 from cospeech.matching.control import read_values
-from cospeech.methods.base import TakesControls
 from cospeech.motion.motion import Motion
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.speech.reading import read_speech
@@ -46,14 +45,7 @@ def generate(cfg: DictConfig) -> Motion:
     method = load(str(cfg.run), cfg.checkpoint, [cfg.data.store_dir], **given)
     transcript = None if cfg.transcript is None else to_absolute_path(cfg.transcript)
     speech = read_speech(to_absolute_path(cfg.audio), transcript)
-    controls = None
-    if cfg.controls is not None:
-        if not isinstance(method, TakesControls):
-            raise ConfigError(
-                f"controls={cfg.controls}: a {type(method).__name__} takes no controls",
-                "leave controls out",
-            )
-        controls = read_values(to_absolute_path(cfg.controls))
+    controls = None if cfg.controls is None else read_values(to_absolute_path(cfg.controls))
     started = time.perf_counter()
     try:
         motion = method.generate(

@@ -28,6 +28,9 @@ class MatchedPieces:
         matcher: The database, and how it is searched.
         closed: Sequences that aren't used; None for none.
         generator: Draws the first pose.
+
+    Attributes:
+        step_frames: Frames that each search adds.
     """
 
     def __init__(
@@ -37,7 +40,7 @@ class MatchedPieces:
         generator: torch.Generator,
     ) -> None:
         settings, self._database = matcher.settings, matcher.database
-        self._search, self._step = matcher.search, settings.step_frames
+        self._search, self.step_frames = matcher.search, settings.step_frames
         self._walk = Walk(
             self._search,
             settings.k,
@@ -46,7 +49,7 @@ class MatchedPieces:
             settings.natural_continuation,
             generator,
         )
-        self._smoothed = SmoothedSeams(self._database, self._step, settings.seam)
+        self._smoothed = SmoothedSeams(self._database, self.step_frames, settings.seam)
         self._hears_nothing = self._search.preselect == "pose_only"
         self._channels = FieldStream(STATIC_CEPSTRA, self._database.spec.fps)
         self._rows, self._rows_from = self._channels.hear(np.zeros(0, dtype=np.float32)), 0
@@ -80,7 +83,7 @@ class MatchedPieces:
         """The poses up to the end of the sound."""
         self._take(self._channels.finish())
         queries = self._database.queries_of(self._rows)
-        for query in queries[:: self._step]:
+        for query in queries[:: self.step_frames]:
             self._search_step(query)
         return self._due(covering_frames(self._channels.samples, self._database.spec.fps))
 
@@ -92,12 +95,12 @@ class MatchedPieces:
 
     @property
     def _next_frame(self) -> int:
-        return len(self._walk.taken) * self._step
+        return len(self._walk.taken) * self.step_frames
 
     def _search_step(self, audio: NDArray[np.float32]) -> None:
         query = self._walk.query(audio)
         sequence, first = self._walk.take(query, self._search(query))
-        window = self._database.poses[sequence, first : first + self._step]
+        window = self._database.poses[sequence, first : first + self.step_frames]
         self._waiting.append(self._smoothed(window, sequence, first))
         self._take(self._rows[:0])
 

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import CospeechError
+from cospeech.errors import ConfigError, CospeechError
 from cospeech.methods.streams import Stream, check_seed_motion
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
@@ -101,10 +101,8 @@ class GestureMethod(LightningModule, ABC):
         if isinstance(self, TakesControls):
             controls = None if controls is None else self.parse_controls(controls)
         elif controls:
-            raise CospeechError(
-                f"a {type(self).__name__} takes no controls: {controls!r:.80}",
-                "leave controls out",
-            )
+            wanted = f"a {type(self).__name__} takes no controls: {controls!r:.80}"
+            raise ConfigError(wanted, "leave controls out")
         if seed_motion is not None:
             check_seed_motion(seed_motion, self.window)
         generator = generator or torch.Generator().manual_seed(0)

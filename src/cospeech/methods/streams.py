@@ -24,8 +24,8 @@ class Stream(ABC):
     however it was cut: ``ceil(duration * fps)`` frames. A subclass implements `_hear` and `_end`.
 
     Attributes:
-        look_ahead_s: A frame depends on no sound that is later than it by more, s; ``math.inf``
-            where it depends on the whole speech.
+        look_ahead_s: A frame depends on no sound that is later than it by more, s: ``math.inf``
+            where it depends on the whole speech, ``-math.inf`` where it depends on no sound.
         delay_s: After t seconds of sound the frames before ``t - delay_s`` have been put out.
     """
 

@@ -9,10 +9,12 @@ import torch
 from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import open_windows
 from cospeech.errors import CospeechError
-from cospeech.matching.fitting import database_folder
-from cospeech.methods.motion_matching import MotionMatching
+from cospeech.matching.features import MatchingSpec
+from cospeech.matching.fitting import database_folder, fit_database
+from cospeech.methods.motion_matching import MotionMatching, RefinedMotionMatching
 from cospeech.metrics.gesture_statistics.movement import border_steps
 from tests.corpora import make_recording, make_store
+from tests.multi_adversary_runs import embedded_store
 
 
 @pytest.fixture
@@ -117,3 +119,15 @@ def test_a_store_that_was_moved_is_named(store, tmp_path):
         method.database  # noqa: B018
     moved = {**facts, "store": str(tmp_path / "moved" / store.path.name)}
     assert len(MotionMatching(moved, chunk_frames=32).database) > 0
+
+
+def test_a_database_of_another_skeleton_is_refused_before_any_sound(store, tmp_path):
+    """The network's corpus has no fingers, the database's has."""
+    fingers = embedded_store(tmp_path / "fingers")
+    fit_database(fingers, MatchingSpec())
+    folder = str(database_folder(fingers, MatchingSpec()))
+    method = RefinedMotionMatching(
+        store.facts(), generator_width=4, critic_width=8, database=folder
+    )
+    with pytest.raises(CospeechError, match="other joints than the network: left_index_tip"):
+        method.open()

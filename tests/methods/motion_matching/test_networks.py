@@ -8,7 +8,7 @@ from torch import nn
 from torch.nn import functional
 
 from cospeech.errors import ConfigError
-from cospeech.methods.motion_matching.refinement.networks import Critic, Refiner
+from cospeech.methods.motion_matching.refinement.networks import POOLED, Critic, Refiner
 
 
 def size_of(network):
@@ -168,3 +168,22 @@ def test_impossible_networks():
         Critic(193, frames=60)
     with pytest.raises(ConfigError, match="width 30"):
         Critic(193, width=30)
+
+
+@pytest.mark.parametrize("form", ["code", "paper"])
+def test_a_block_depends_on_its_context_and_no_more(form):
+    """All weights 1 and averages in place of maxima: whatever is looked at has a gradient."""
+    refiner = Refiner(2, 3, width=4, form=form).double().eval()
+    for layer in refiner.modules():
+        if isinstance(layer, nn.Conv1d):
+            nn.init.ones_(layer.weight)
+        for name, inner in list(layer.named_children()):
+            if isinstance(inner, nn.MaxPool1d):
+                setattr(layer, name, nn.AvgPool1d(2))
+    poses = torch.ones(1, 400, 3, dtype=torch.double, requires_grad=True)
+    block = refiner(torch.ones(1, 400, 2, dtype=torch.double), poses)[0, 200 : 200 + POOLED]
+    (gradient,) = torch.autograd.grad(block.sum(), poses)
+    seen = gradient[0].abs().sum(dim=1).nonzero()
+    first, last = int(seen.min()), int(seen.max())
+    assert 0 <= first - (200 - refiner.context) < POOLED
+    assert 0 <= 200 + POOLED + refiner.context - 1 - last < POOLED

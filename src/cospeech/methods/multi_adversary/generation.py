@@ -145,6 +145,9 @@ class GeneratesGestures(GestureMethod):
     ) -> WholeUtterance:
         """Begin upper-body motion at 20 fps on `UPPER_BODY` (spec D 19; see `LongForm`).
 
+        The whole speech is waited for: the network looks at no later step, but F0 does. What is
+        voiced is judged against the loudest sample, and chosen along one path through all of it.
+
         The motion doesn't depend on the speaker, words aren't read, and there is nothing to draw.
         """
         return WholeUtterance(self._motion_of)

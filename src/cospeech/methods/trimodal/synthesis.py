@@ -127,7 +127,7 @@ class Chunks(Stream):
     """Motion chunk by chunk, each continuing from the raw end of the one before.
 
     A chunk is made when all of its sound is there, and its last frames wait for the next one,
-    whose beginning they blend with. Only the sound of the chunk under way is held.
+    whose beginning they blend with. Only sound and words of the chunk under way are held.
 
     Args:
         voice: The generator and what belongs to it.
@@ -141,6 +141,7 @@ class Chunks(Stream):
         self._voice, self._styles, self._previous = voice, styles, seeds
         self._sound = np.zeros(0, dtype=np.float32)
         self._words: list[EncodedWords] = []
+        self._has_words = False
         self._made = self._samples = self._put_out = 0
 
     def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion | None:
@@ -150,6 +151,7 @@ class Chunks(Stream):
                 words, voice.vocabulary, voice.vector_file, fold_case=voice.options.fold_case
             )
             self._words.append(found)
+            self._has_words = True
         self._samples += len(samples)
         self._sound = np.concatenate([self._sound, samples])
         parts = []
@@ -159,7 +161,7 @@ class Chunks(Stream):
         return self._motion(torch.cat(parts)) if parts else None
 
     def _end(self) -> Motion:
-        if not self._words:
+        if not self._has_words:
             logger.warning("no transcript: every word is padding")
         frames = covering_frames(self._samples, self._voice.window.fps)
         return self._motion(self._next_chunk()[: frames - self._put_out])
@@ -167,6 +169,8 @@ class Chunks(Stream):
     def _next_chunk(self) -> Tensor:
         """``(T, 27)``: the next chunk, its beginning blended with the end of the one before."""
         voice, window, previous = self._voice, self._voice.window, self._previous
+        begin_s = self._made * hop_samples(window) / SAMPLE_RATE
+        self._words = [part for part in self._words if (part.ends > begin_s).any()]
         words = joined_words(self._words, len(voice.vocabulary))
         row = chunk_words(words, self._made, window, timed=voice.options.word_timing == "onset")
         extra = words.extra_vectors

@@ -20,8 +20,9 @@ from cospeech.corpus.features.cepstra import CEPSTRA
 from cospeech.corpus.features.joints import pose_roles
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import WindowLoader
-from cospeech.errors import ConfigError, require_choice, require_range
+from cospeech.errors import ConfigError, CospeechError, require_choice, require_range
 from cospeech.matching.control import Controls
+from cospeech.matching.database import MatchingDatabase
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import database_folder
 from cospeech.matching.reference import STEP_FRAMES, Preselect
@@ -185,9 +186,9 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         self.critic_updates_per_generator = critic_updates_per_generator
         self.learning_rate, self.betas, self.weight_decay = learning_rate, betas, weight_decay
         self.averaging = averaging
-        roles = pose_roles(Skeleton.from_dict(corpus["skeleton"]))
-        self.scales = Scales(roles, SPEECH_CHANNELS)
-        numbers = 3 * len(roles)
+        self._roles = pose_roles(Skeleton.from_dict(corpus["skeleton"]))
+        self.scales = Scales(self._roles, SPEECH_CHANNELS)
+        numbers = 3 * len(self._roles)
         self.generator = Refiner(SPEECH_CHANNELS, numbers, generator_width, form, residual)
         self.averaged = copy.deepcopy(self.generator).requires_grad_(False)
         self.adversary = Adversary(
@@ -198,6 +199,15 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         )
         self.schedule = Schedule(("refinement",), {"refinement": critic_updates})
         self.progress = Progress("refinement")
+
+    def _open(self) -> MatchingDatabase:
+        database = super()._open()
+        if other := sorted({*database.pose_roles} ^ {*self._roles}):
+            raise CospeechError(
+                f"the matching database has other joints than the network: {', '.join(other)}",
+                "fit it to a corpus with the network's skeleton",
+            )
+        return database
 
     # Training ------------------------------------------------------------------------------
 

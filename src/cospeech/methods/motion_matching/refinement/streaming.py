@@ -43,8 +43,13 @@ class RefinedStream(Stream):
     ) -> None:
         self._pieces, self._cepstra = pieces, FieldStream(CEPSTRA, fps)
         self._context = network.context
-        heard_s = max(pieces.look_ahead_s, self._cepstra.look_ahead_s)
-        wait_s = (POOLED - 1 + self._context) / fps + heard_s
+        last = POOLED - 1 + self._context  # frame that is seen, counted from the first refined one
+        places = np.arange(pieces.step_frames) * POOLED
+        begins = (places + last) // pieces.step_frames * pieces.step_frames - places
+        wait_s = max(
+            float(begins.max()) / fps + pieces.look_ahead_s,
+            last / fps + self._cepstra.look_ahead_s,
+        )
         super().__init__(wait_s, wait_s)
         self._refine, self._to_motion = refine, to_motion
         nothing = np.zeros(0, dtype=np.float32)
