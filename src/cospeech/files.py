@@ -7,6 +7,7 @@ import glob
 import json
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -49,6 +50,27 @@ def replacing(path: str | Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def made_once(folder: Path) -> Iterator[Path]:
+    """An empty folder beside ``folder``, renamed to it when the block ends without an error.
+
+    What another process has put there meanwhile, with its ``manifest.json``, stays: it is as good.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    building = folder.with_name(f".{folder.name}.building-{os.getpid()}")
+    shutil.rmtree(building, ignore_errors=True)
+    building.mkdir()
+    try:
+        yield building
+        try:
+            building.rename(folder)
+        except OSError:
+            if not (folder / "manifest.json").is_file():
+                raise
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
 
 
 def require_replaceable(path: Path) -> None:

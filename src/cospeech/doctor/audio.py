@@ -79,9 +79,9 @@ def check_signal(
                 Check.NOT_A_NUMBER,
                 Severity.ERROR,
                 files.audio,
-                float(np.argmin(finite)) / SAMPLE_RATE,
                 f"{np.count_nonzero(~finite)} samples are NaN or infinite",
                 "export the recording again; no player can play these samples either",
+                time_s=float(np.argmin(finite)) / SAMPLE_RATE,
             )
         ]
     level = level_db(waveform)
@@ -91,7 +91,6 @@ def check_signal(
                 Check.SILENT,
                 Severity.WARNING if is_dialogue else Severity.ERROR,
                 files.audio,
-                None,
                 f"all of it is silent: 99 % stays below {SILENT_DB:g} dB of full scale",
                 "check that it is the right track or channel (an unused microphone?), and export"
                 " it again",
@@ -121,10 +120,10 @@ def _clipped(waveform: NDArray[np.float32], files: Files) -> Finding | None:
         Check.CLIPPED,
         Severity.ERROR if share >= BADLY_CLIPPED_SHARE else Severity.WARNING,
         files.audio,
-        first / SAMPLE_RATE,
         f"{share:.2%} of the samples are cut off at {level:.2f} of full scale, first here",
         "export again from the original at a lower gain; if it was recorded so, leave the recording"
         " out or don't use features of loudness with it",
+        time_s=first / SAMPLE_RATE,
     )
 
 
@@ -163,10 +162,10 @@ def check_silence(
                 Check.SILENT,
                 Severity.ERROR,
                 files.audio,
-                lost[0][0],
                 f"silent {_where(lost)}, where the transcript has {spoken:.1f} s of words",
                 "export the audio again (was it muted or lost there?), or check that the transcript"
                 " is of this recording",
+                time_s=lost[0][0],
             )
         )
     if idle:
@@ -175,10 +174,10 @@ def check_silence(
                 Check.SILENT,
                 Severity.WARNING,
                 files.audio,
-                idle[0][0],
                 f"silent {_where(idle)}",
                 "listen there: if the speaker talks, export the audio again; blanked names and a"
                 " listener's silence are no fault",
+                time_s=idle[0][0],
             )
         )
     return findings

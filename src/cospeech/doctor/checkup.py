@@ -178,7 +178,6 @@ def _broken(path: Path, error: CospeechError) -> Finding:
         Check.UNREADABLE,
         Severity.ERROR,
         str(error.path if isinstance(error, InputFileError) else path),
-        None,
         error.problem,
         error.hint or "copy or download it again",
     )
@@ -190,7 +189,6 @@ def _skipped(store: Store) -> list[Finding]:
             Check.UNREADABLE,
             Severity.WARNING,
             f"{store.path} ({dropped['id']})",
-            None,
             f"was left out when the store was made: {dropped['reason']}",
             "mend the file and prepare the corpus again, or train without it",
         )

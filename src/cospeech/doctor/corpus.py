@@ -85,7 +85,6 @@ def _without_transcript(examinations: Sequence[Examination]) -> list[Finding]:
             Check.MISSING,
             Severity.WARNING,
             examination.traces.files.audio,
-            None,
             f"recording {examination.traces.id} has no transcript, most others have one",
             "add the transcript under the same name, or train without words",
         )

@@ -49,17 +49,17 @@ class Finding:
         check: Which check found it.
         severity: How bad it is.
         file: The file, or the recording of a store, that it is about.
-        time_s: Where in it, seconds from its start; None where it is about all of it.
         problem: What is wrong, in a sentence or two.
         next_step: What its owner can do about it.
+        time_s: Where in it, seconds from its start; None where it is about all of it.
     """
 
     check: Check
     severity: Severity
     file: str
-    time_s: float | None
     problem: str
     next_step: str
+    time_s: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON values."""

@@ -87,11 +87,11 @@ def check_lengths(lengths: Lengths, files: Files) -> list[Finding]:
                 Check.DRIFT,
                 severity,
                 files.motion,
-                shorter,
                 f"{says}: a ratio of {lengths.motion_s / lengths.audio_s:.4f}, as {reason}",
                 "compare a clap or a stressed gesture near the end: if it is out of time, set the"
                 f" true rate (data.frame_rate={_true_rate(lengths):.6g}), or export the audio at"
                 " its true rate; if it is in time, the longer one just goes on",
+                time_s=shorter,
             )
         ]
     return [
@@ -99,11 +99,11 @@ def check_lengths(lengths: Lengths, files: Files) -> list[Finding]:
             Check.LENGTHS,
             severity,
             files.motion,
-            shorter,
             f"{says}: {abs(difference):.2f} s of {'motion' if difference > 0 else 'audio'} are"
             " without the other",
             "check by a clap or the first gesture that both start at the same moment; if they do,"
             " the end is cut off and nothing needs doing, else trim the start of the longer",
+            time_s=shorter,
         )
     ]
 
@@ -135,11 +135,11 @@ def check_clock(recordings: Sequence[tuple[Lengths, Files]]) -> list[Finding]:
             Check.DRIFT,
             Severity.ERROR,
             files.motion,
-            min(lengths.motion_s, lengths.audio_s),
             f"in all {len(recordings)} recordings the motion lasts {ratio:.5f} of the audio, to the"
             f" frame: one of the clocks is wrong, by {abs(lengths.difference_s):.2f} s at the end"
             " of this one",
             f"set the true frame rate, data.frame_rate={ratio * lengths.fps:.6g}",
+            time_s=min(lengths.motion_s, lengths.audio_s),
         )
     ]
 

@@ -68,7 +68,6 @@ def _absent(table: Path, rows: list[Row], known: set[str]) -> list[Finding]:
             Check.MISSING,
             Severity.WARNING,
             str(table),
-            None,
             f"{len(best)} recordings that it names are not in the folder: {names}{more}, first in"
             f" {best[0][0]}",
             "download them, or know that the published split is not complete here",

@@ -42,10 +42,10 @@ def check_finite(motion: Motion, files: Files) -> list[Finding]:
             Check.NOT_A_NUMBER,
             Severity.ERROR,
             files.motion,
-            bad / motion.fps,
             f"{int(wrong.any(axis=1).sum())} frames hold NaN or infinity, first frame {bad} at"
             f" joint {joint}",
             "fill the gap in the capture software, or cut the recording there",
+            time_s=bad / motion.fps,
         )
     ]
 
@@ -82,9 +82,9 @@ def check_swaps(motion: Motion, swaps: NDArray[np.int64], files: Files) -> list[
             Check.SIDES,
             Severity.ERROR,
             files.motion,
-            float(swaps[0] / motion.fps),
             f"the left and right arm change places between two frames, at {times} s",
             "exchange the two arms' joints back in every other stretch between these times",
+            time_s=float(swaps[0] / motion.fps),
         )
     ]
 
@@ -131,7 +131,6 @@ def check_jumps(
                 Check.JUMP,
                 severity,
                 files.motion,
-                (worst + 1) / motion.fps,
                 f"{motion.skeleton.joints[joint]} jumps by"
                 f" {speed[worst, joint] / motion.fps:.2f} m in one frame"
                 f" ({speed[worst, joint]:.1f} m/s)"
@@ -139,6 +138,7 @@ def check_jumps(
                 + (f" {(frames[0] + 1) / motion.fps:.2f} s" if others else ""),
                 "mend these frames in the capture software (a marker was lost or exchanged there),"
                 " or cut the stretch out",
+                time_s=(worst + 1) / motion.fps,
             )
         )
     return findings

@@ -61,7 +61,6 @@ def check_units(body: Body, files: Files) -> list[Finding]:
                 Check.UNITS,
                 Severity.ERROR,
                 files.motion,
-                None,
                 "shoulders, elbows and wrists are all at one point",
                 "the joints' offsets are missing: check the header of the file",
             )
@@ -79,7 +78,7 @@ def check_units(body: Body, files: Files) -> list[Finding]:
         )
     else:
         step = f"multiply data.unit_scale by {1 / body.scale:.3g}; no usual unit fits"
-    return [Finding(Check.UNITS, Severity.ERROR, files.motion, None, problem, step)]
+    return [Finding(Check.UNITS, Severity.ERROR, files.motion, problem, step)]
 
 
 def check_vertical(body: Body, files: Files) -> list[Finding]:
@@ -97,7 +96,6 @@ def check_vertical(body: Body, files: Files) -> list[Finding]:
                 Check.VERTICAL,
                 Severity.WARNING,
                 files.motion,
-                None,
                 f"the head is not above the spine: on average it is towards {np.round(mean, 2)}",
                 "is the person lying or bowing? If not, turn the data so that y is up",
             )
@@ -112,7 +110,6 @@ def check_vertical(body: Body, files: Files) -> list[Finding]:
             Check.VERTICAL,
             Severity.ERROR,
             files.motion,
-            None,
             f"the head is towards {name} of the spine, so {name} is up and not +y",
             steps.get(name, f"turn the data so that {name} becomes +y"),
         )
@@ -157,7 +154,6 @@ def check_sides(body: Body, motion: Motion, files: Files) -> list[Finding]:
             Check.SIDES,
             Severity.WARNING if doubtful else Severity.ERROR,
             files.motion,
-            None,
             "; ".join(what),
             "are the hands behind the back? If not, left and right are exchanged"
             if doubtful
@@ -221,7 +217,6 @@ def check_picture(motion: Motion, files: Files) -> list[Finding]:
                 Check.VERTICAL,
                 Severity.ERROR,
                 files.motion,
-                None,
                 "the elbows are above the shoulders: y points down",
                 "turn the sign of y",
             )
@@ -232,7 +227,6 @@ def check_picture(motion: Motion, files: Files) -> list[Finding]:
                 Check.SIDES,
                 Severity.ERROR,
                 files.motion,
-                None,
                 "the left shoulder is at -x of the right one",
                 "exchange left and right, or turn the sign of x; a speaker with the back to the"
                 " camera looks the same",

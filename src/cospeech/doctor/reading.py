@@ -211,7 +211,6 @@ def _missing(take: Take) -> list[Finding]:
                 Check.MISSING,
                 Severity.WARNING,
                 str(take.audio),
-                None,
                 take.problem or f"no motion for {take.audio.name}",
                 "add the BVH file under the same name, or take the audio away; as it is, the"
                 " recording is left out",
@@ -223,7 +222,6 @@ def _missing(take: Take) -> list[Finding]:
                 Check.MISSING,
                 Severity.WARNING,
                 str(take.motion),
-                None,
                 take.no_audio or f"no audio for {take.motion.name}",
                 "add the audio under the same name; as it is, the recording is left out, or read"
                 " with data.missing_audio=silence",
@@ -286,7 +284,6 @@ def _note(files: Files, note: str) -> Finding:
         Check.WORD_TIMES,
         Severity.WARNING,
         files.words,
-        None,
         note,
         "correct the transcript, or go on with the words as they are read",
     )
@@ -298,9 +295,9 @@ def _dropped(dropped: Dropped, name: str) -> Finding:
         Check.UNREADABLE,
         Severity.ERROR,
         name,
-        float(time[1]) if time else None,
         dropped.reason,
         "copy or download it again; as it is, it is left out",
+        time_s=float(time[1]) if time else None,
     )
 
 
@@ -310,7 +307,6 @@ def _about_file(remark: Remark, path: Path) -> Finding:
         Check.ODD if remark.kind.startswith("odd ") else Check.UNREADABLE,
         Severity.WARNING,
         str(path),
-        None,
         remark.text,
         remark.advice or "mend it or take it away; as it is, the recording does without",
     )
@@ -332,7 +328,7 @@ def _unreadable(name: str, whatever: Exception, fps: float | None = None) -> Fin
         Check.NOT_A_NUMBER if number else Check.UNREADABLE,
         Severity.ERROR,
         str(error.path) if isinstance(error, InputFileError) else name,
-        time_s,
         error.problem,
         error.hint or "copy or download it again; as it is, it is left out",
+        time_s=time_s,
     )

@@ -32,7 +32,6 @@ def check_ids(traces: Sequence[Traces]) -> list[Finding]:
             Check.DUPLICATE,
             Severity.ERROR,
             same[1].files.motion,
-            None,
             f"{len(same)} recordings are called {name}; another is {same[0].files.motion}",
             "rename one, or take one of two copies of the corpus away",
         )
@@ -53,10 +52,10 @@ def check_spans(traces: Sequence[Traces]) -> list[Finding]:
                         Check.OVERLAP,
                         Severity.ERROR,
                         trace.files.motion,
-                        start,
                         f"{start:.2f} to {stop:.2f} s of recording {trace.id} are in {one} and in"
                         f" {two}",
                         "keep the recording in one split, or cut it into blocks that don't overlap",
+                        time_s=start,
                     )
                 )
     return findings
@@ -111,7 +110,6 @@ def check_speakers(traces: Sequence[Traces]) -> list[Finding]:
                         Check.OVERLAP,
                         Severity.ERROR,
                         trace.files.motion,
-                        None,
                         f"speaker {trace.speaker!r} is in train and, with recording {trace.id}, in"
                         f" {split}, though the split is by speakers",
                         "move all of a speaker's recordings into one split; is the speaker's name"
@@ -150,18 +148,18 @@ def _content_finding(
             Check.DUPLICATE,
             Severity.WARNING,
             names[0],
-            first,
             same,
             "leave one of the two out, and split so that both are on one side",
+            time_s=first,
         )
     splits = ", ".join(f"{a} and {b}" for a, b in sorted(pairs))
     return Finding(
         Check.OVERLAP,
         Severity.ERROR,
         names[0],
-        first,
         f"{same}, which are in different splits: {splits}",
         "put both in one split, or leave one out: what is tested must not be trained on",
+        time_s=first,
     )
 
 

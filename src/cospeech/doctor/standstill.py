@@ -106,9 +106,9 @@ def _finding(motion: Motion, what: str, found: list[Standstill], files: Files) -
             Check.FROZEN,
             Severity.ERROR if is_long else Severity.WARNING,
             files.motion,
-            start_s,
             f"no joint moves {when}",
             f"the capture was lost there: {lost}",
+            time_s=start_s,
         )
     whole = stop_s - start_s > WHOLE * motion.duration
     severity = Severity.WARNING if what == HEAD or whole else Severity.ERROR
@@ -117,12 +117,12 @@ def _finding(motion: Motion, what: str, found: list[Standstill], files: Files) -
         # Some captures have no head sensor: the joint is there and never turns.
         Severity.NOTE if what == HEAD and whole else severity,
         files.motion,
-        start_s,
         f"{what} ({longest.joint}) does not move {'in the whole recording' if whole else when},"
         " while the rest does",
         "the joint was not captured: leave it out of what is judged, or the recording out"
         if whole
         else f"its tracking was lost there: {lost}",
+        time_s=start_s,
     )
 
 

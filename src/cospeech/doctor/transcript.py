@@ -106,7 +106,6 @@ def check_transcript(
         Check.TRANSCRIPT,
         Severity.ERROR if wrong else Severity.WARNING,
         files.words,
-        None,
         f"the words do not lie where the speech is: correlation of speech level and words"
         f" {fit.at_zero:.2f}, and no shift up to 5 s mends it (0.5 to 0.9 is usual)",
         f"listen to {files.audio} with the transcript: is it of another recording? If it is right,"
@@ -146,7 +145,6 @@ def owner_finding(files: Files, owner: str, correlation: float, own: Fit) -> Fin
         Check.TRANSCRIPT,
         Severity.ERROR,
         files.words,
-        None,
         f"the words do not fit {files.audio} (correlation {own.at_zero:.2f}); those of {owner} do"
         f" ({correlation:.2f})",
         "the two transcripts, or the two recordings, have each other's name: rename them",
@@ -169,7 +167,6 @@ def _shift_finding(fit: Fit, files: Files) -> Finding:
         Check.TRANSCRIPT,
         Severity.ERROR if abs(fit.shift_s) >= FAR_SHIFT_S else Severity.WARNING,
         files.words,
-        None,
         f"the words come {abs(fit.shift_s):.2f} s too {late}: correlation with the speech level is"
         f" {fit.at_zero:.2f}, and {fit.best:.2f} when they are shifted by {fit.shift_s:+.2f} s",
         f"add {fit.shift_s:+.2f} s to all word times, or find out which of audio and transcript was"
@@ -230,7 +227,6 @@ def _drift_finding(drift: _Drift, files: Files) -> Finding:
         Check.DRIFT,
         Severity.ERROR,
         files.words,
-        None,
         f"words and audio run apart: the words need {drift.first_s:+.2f} s at their start and"
         f" {drift.last_s:+.2f} s at their end",
         f"multiply the word times by {ratio:.5f} after adding the offset of the start, or find"

@@ -50,7 +50,6 @@ def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list
                         Check.WORD_TIMES,
                         Severity.ERROR,
                         files.words,
-                        None,
                         f"the last word ends at {last:g}, the audio at {audio_s:.2f} s: the times"
                         f" are {unit}",
                         f"divide them by {per_second:g}",
@@ -65,10 +64,10 @@ def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list
                 Check.WORD_TIMES,
                 severity,
                 files.words,
-                float(times[beyond[0], 0]),
                 f"{len(beyond)} words, from {words[beyond[0]].text!r} on, end after the audio"
                 f" ({audio_s:.2f} s); the last one at {last:.2f} s",
                 "check that the transcript belongs to this audio and that the audio is not cut off",
+                time_s=float(times[beyond[0], 0]),
             )
         )
     if first < -BEYOND_S:
@@ -78,9 +77,9 @@ def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list
                 Check.WORD_TIMES,
                 _severity(-first, before),
                 files.words,
-                first,
                 f"{before} words start before the audio, the first at {first:.2f} s",
                 "take the offset of the cut out of the word times",
+                time_s=first,
             )
         )
     return findings
@@ -115,9 +114,9 @@ def check_word_rate(speech: Speech, files: Files) -> list[Finding]:
                     Check.WORD_TIMES,
                     Severity.ERROR,
                     files.words,
-                    float(times[wrong[0], 0]),
                     f"{len(wrong)} words {what}, first {speech.words[wrong[0]].text!r}",
                     "repair or re-align the transcript",
+                    time_s=float(times[wrong[0], 0]),
                 )
             )
     # Measured from each word to the one that a fast talker would reach in the window.
@@ -133,9 +132,9 @@ def check_word_rate(speech: Speech, files: Files) -> list[Finding]:
                     Check.WORD_TIMES,
                     Severity.ERROR if rate > IMPOSSIBLE_WORDS_PER_S else Severity.WARNING,
                     files.words,
-                    float(starts[fastest]),
                     f"{count} words within {spans[fastest]:.2f} s: {rate:.1f} words per second",
                     "check the unit and the scale of the word times, or re-align the transcript",
+                    time_s=float(starts[fastest]),
                 )
             )
     long = np.flatnonzero(times[:, 1] - times[:, 0] > LONGEST_WORD_S)
@@ -145,10 +144,10 @@ def check_word_rate(speech: Speech, files: Files) -> list[Finding]:
                 Check.WORD_TIMES,
                 Severity.WARNING,
                 files.words,
-                float(times[long[0], 0]),
                 f"{len(long)} words last over {LONGEST_WORD_S:g} s, first"
                 f" {speech.words[long[0]].text!r}",
                 "the aligner lost its place there: re-align, or leave the stretch out",
+                time_s=float(times[long[0], 0]),
             )
         )
     return findings
@@ -164,7 +163,6 @@ def _no_words(speech: Speech, files: Files) -> list[Finding]:
             Check.WORD_TIMES,
             Severity.WARNING,
             files.words,
-            None,
             "the transcript is empty" + (", but somebody speaks" if speaks else ""),
             "transcribe the audio again; with no transcript at all the audio is used alone",
         )

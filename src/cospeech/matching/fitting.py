@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
 import shutil
 from dataclasses import asdict
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.files import write_json
+from cospeech.files import made_once, write_json
 from cospeech.matching.database import (
     ARRAYS,
     VERSION,
@@ -67,20 +66,8 @@ def fit_database(store: Store, spec: MatchingSpec | None = None) -> MatchingData
         except InputFileError as error:
             logger.warning("%s; it is built again", error.problem)
             shutil.rmtree(folder)
-    folder.parent.mkdir(exist_ok=True)
-    building = folder.with_name(f".{folder.name}.building-{os.getpid()}")
-    shutil.rmtree(building, ignore_errors=True)
-    building.mkdir()
-    try:
+    with made_once(folder) as building:
         _Build(store, spec, building).write()
-        try:
-            building.rename(folder)
-        except OSError:
-            # Another process was faster; its database is as good.
-            if not (folder / "manifest.json").is_file():
-                raise
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
     return open_database(folder, store.fingerprint)
 
 

@@ -22,7 +22,7 @@ LEFT_OUT_AT_ONCE = 512
 
 
 class FgdInterval(NamedTuple):
-    """A distance, or a difference of two, with its uncertainty over recordings.
+    """A distance with its uncertainty over recordings.
 
     Attributes:
         estimate: The value on all recordings.
@@ -65,48 +65,13 @@ def fgd_interval(
     _require_recordings(real, generated)
 
     def distance(weights: Tensor) -> Tensor:
-        return _fgd(real.weighted(weights), generated.weighted(weights))
+        return frechet_distance(
+            *real.weighted(weights).mean_and_covariance(),
+            *generated.weighted(weights).mean_and_covariance(),
+        )
 
     interval = _reflected(distance, real.samples, level, resamples, seed)
     return interval._replace(low=max(0.0, interval.low), high=max(0.0, interval.high))
-
-
-def fgd_difference_interval(
-    real: Moments,
-    first: Moments,
-    second: Moments,
-    level: float = 0.95,
-    resamples: int = 400,
-    seed: int = 0,
-) -> FgdInterval:
-    """Interval of FGD(first) - FGD(second): below 0 throughout means that the first is better.
-
-    The same recordings are drawn for the real set and both systems, so most of the bias cancels;
-    with few recordings part of a true difference stays hidden.
-
-    Args:
-        real: Moments of the real windows, one entry per recording.
-        first: Those of one system's windows, same recordings, same order.
-        second: Those of the other's.
-        level: Share of the resampling distribution inside the interval.
-        resamples: Number of draws.
-        seed: Of the draws.
-
-    Raises:
-        ValueError: Fewer than two recordings, or the recordings don't correspond.
-    """
-    _require_recordings(real, first)
-    _require_recordings(real, second)
-
-    def difference(weights: Tensor) -> Tensor:
-        reference = real.weighted(weights)
-        return _fgd(reference, first.weighted(weights)) - _fgd(reference, second.weighted(weights))
-
-    return _reflected(difference, real.samples, level, resamples, seed)
-
-
-def _fgd(real: Moments, generated: Moments) -> Tensor:
-    return frechet_distance(*real.mean_and_covariance(), *generated.mean_and_covariance())
 
 
 def _reflected(

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.errors import ConfigError, InputFileError
-from cospeech.files import write_json
+from cospeech.files import made_once, write_json
 from cospeech.foreign import open_array, read_json, understood
 
 _ARRAYS = ("windows", "ks", "pointers")
@@ -103,25 +101,13 @@ def write_pairs(folder: Path, made_by: dict[str, Any], make: Callable[[], Pairs]
         made_by: What they depend on.
         make: Makes them.
     """
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    building = folder.with_name(f".{folder.name}.building-{os.getpid()}")
-    shutil.rmtree(building, ignore_errors=True)
-    building.mkdir()
-    try:
+    with made_once(folder) as building:
         pairs = make()
         arrays = {name: getattr(pairs, name) for name in _ARRAYS}
         for name, values in arrays.items():
             np.save(building / f"{name}.npy", values)
         told = {"made_by": made_by, "own_hits": pairs.own_hits}
         write_json(building / "manifest.json", {**told, "hash": _content_hash(told, arrays)})
-        try:
-            building.rename(folder)
-        except OSError:
-            # Another process was faster; its pairs are the same.
-            if not (folder / "manifest.json").is_file():
-                raise
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
 
 
 def open_pairs(folder: Path, made_by: dict[str, Any], settings: PairSettings) -> Pairs:
