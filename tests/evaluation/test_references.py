@@ -12,12 +12,11 @@ from cospeech.evaluation import references, standard_catalogue
 from cospeech.metrics.encoder import GestureEncoder, PoseAutoencoder, load_any
 from cospeech.metrics.evaluation_windows import EvaluationWindows, to_evaluation_windows
 from cospeech.metrics.fgd import FrechetGestureDistance
-from cospeech.metrics.noise_study import LEVELS, NoiseRow, run_noise_study
+from cospeech.metrics.noise_study import LEVELS, run_noise_study
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
-from cospeech.studies.noise import plot_noise_study
 
 METRICS = standard_catalogue()
 BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
@@ -205,19 +204,6 @@ def test_noise_study_shows_what_the_paper_reports(published, people):
     # "for mismatched samples the increase in FGD was smaller than MAEJ"
     assert rows["mismatched", 1.0].joint_mae > gaussian.joint_mae
     assert rows["mismatched", 1.0].fgd < 0.2 * gaussian.fgd
-
-
-def test_noise_study_is_drawn(tmp_path):
-    from matplotlib.image import imread
-
-    rows = [NoiseRow("gaussian", zeta, 40 * zeta, 10 * zeta, 30 * zeta, zeta) for zeta in (1, 2)]
-    path = tmp_path / "noise.png"
-    plot_noise_study(rows, path)
-    pixels = imread(path)[..., :3]
-    # One blue and one orange bar's worth of ink at least, and a white ground.
-    for colour in ((0x4C, 0x72, 0xB0), (0xDD, 0x84, 0x52)):
-        assert (np.abs(pixels - np.array(colour) / 255).max(-1) < 0.02).mean() > 0.005
-    assert (pixels == 1).all(-1).mean() > 0.4
 
 
 def test_unknown_disturbances_are_refused(published, people):

@@ -292,6 +292,8 @@ def draw_path(axes: Axes, corners: NDArray[np.float64], **style: Any) -> None:
     from matplotlib.path import Path as Outline
 
     count, corners_each, _ = corners.shape
+    if not count:
+        return
     codes = np.tile([Outline.MOVETO] + [Outline.LINETO] * (corners_each - 1), count)
     outline = Outline(corners.reshape(-1, 2), codes)
     # not add_patch, which asks each one how far the axes must reach

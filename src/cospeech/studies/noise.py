@@ -116,4 +116,4 @@ def _bars(
     axis.bar_label(drawn, labels=texts, fontsize=8.5, padding=2)
     axis.set_xticks(places, [f"{zeta:g}" for zeta in zetas])
     axis.grid(axis="y")
-    axis.margins(y=0.12)
+    axis.margins(x=0.04, y=0.12)

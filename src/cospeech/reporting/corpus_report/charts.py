@@ -27,6 +27,7 @@ _BARS = 30
 _BINS = (1, 2, 5)
 _APART = 0.05
 _OUTSIDE = 1.6
+_ROUNDING = 1e-6
 _PX_PER_M = 300.0
 _ARMS = {"left": PART_COLOURS["left_arm"], "right": PART_COLOURS["right_arm"]}
 
@@ -104,8 +105,10 @@ def histogram(
 
     def place_of(values: NDArray[np.float64]) -> NDArray[np.float64]:
         levels = np.log10(np.maximum(values, 1e-30)) if logarithmic else values
-        place = (levels - places[0]) / (places[-1] - places[0]) * bins
-        return np.clip(place, left + 0.5, right - 0.5)
+        return (levels - places[0]) / (places[-1] - places[0]) * bins
+
+    def bar_of(value: float) -> float:
+        return float(np.clip(place_of(np.array(value)), left + 0.5, right - 0.5))
 
     figure, axes = new_axes(360, 178, left=14, right=14, top=16, bottom=40)
     tallest = max(float(s.counts.max()) for s in series) or 1.0
@@ -117,7 +120,7 @@ def histogram(
         # a single recording beside thousands is still seen
         heights = np.maximum(s.counts[held], 0.006 * tallest)
         bars = axes.bar(
-            starts[held],
+            starts[held] + 0.03,
             heights,
             width=0.94,
             align="edge",
@@ -128,17 +131,16 @@ def histogram(
             titled(bar, f"{s.name}{texts[i]} {unit}: {round(s.counts[i]):,} {noun}")
         if several:
             axes.stairs(s.counts[1:-1], range(bins + 1), color=s.colour, linewidth=1.4)
-    first, last = np.ceil(places[0] - 1e-6), np.floor(places[-1] + 1e-6)
+    first, last = np.ceil(places[0] - _ROUNDING), np.floor(places[-1] + _ROUNDING)
     ticks: NDArray[np.float64] = (
         10.0 ** np.arange(first, last + 1)
         if logarithmic
         else np.asarray(MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(edges[0], edges[-1]))
     )
-    rounding = 1e-9 * (edges[-1] - edges[0])
     spots = [start + 0.5 for start in starts[[0, -1]][outside]]
     labels = [sign for sign, has in zip("<>", outside, strict=True) if has]
     for tick, spot in zip(ticks, place_of(ticks), strict=True):
-        inside = edges[0] - rounding <= tick <= edges[-1] + rounding
+        inside = -_ROUNDING <= spot <= bins + _ROUNDING
         if inside and all(abs(spot - other) > _APART * bins for other in spots[: sum(outside)]):
             spots.append(spot)
             labels.append(f"{tick:g}")
@@ -150,11 +152,11 @@ def histogram(
     text = f"tallest bar: {round(tallest):,} {counted}"
     axes.set_title(text, loc="right", fontsize=11.5, color=colour("muted"), pad=3)
     if median is not None:
-        line = axes.axvline(place_of(np.array([median])).item(), ls=(0, (3, 3)), lw=1)
+        line = axes.axvline(bar_of(median), ls=(0, (3, 3)), lw=1)
         line.set(color=colour("text"), alpha=0.75)
     for value, text in marks:
-        place = place_of(np.array([value]))
-        titled(axes.plot(place, [-0.03 * tallest], "^", c=colour("accent"), ms=7)[0], text)
+        (mark,) = axes.plot(bar_of(value), -0.03 * tallest, "^", c=colour("accent"), ms=7)
+        titled(mark, text)
     return inline_svg(figure, "histogram")
 
 

@@ -94,7 +94,7 @@ def _draw(axis: Axes, panel: Panel, fps: float) -> None:
         times_s, panel.free[:frames], color=colour("muted"), linewidth=0.9, label="without control"
     )
     for (stage, curve), ink in zip(panel.stages.items(), SERIES, strict=False):
-        axis.plot(times_s, curve[:frames], color=colour(ink), linewidth=1.3, label=stage)
+        axis.plot(times_s, curve[:frames], color=colour(ink), linewidth=1.3, label=one_line(stage))
     axis.set_title(one_line(panel.title))
     axis.set_ylabel(panel.unit)
     axis.set_xlim(0, frames / fps)

@@ -38,7 +38,8 @@ def plot_synchrony(rows: Sequence[SynchronyRow], lag_s: float, corpus: str, path
         upper.set_title(title, loc="center")
         _lifts(upper, rows, direction)
         _profiles(lower, rows, column, lag_s)
-    axes[0, 0].set_yticks(range(len(rows)), [one_line(row.name) for row in rows])
+    names = [one_line(row.name) for row in rows]
+    axes[0, 0].set_yticks(range(len(rows)), names, color=colour("text"))
     axes[0, 1].set_yticks(range(len(rows)), [])
     axes[1, 0].set_ylabel("lift")
     figure.suptitle(
