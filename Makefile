@@ -46,7 +46,7 @@ demo: $(VENV)/.demo
 	$(BIN)/python train.py model=trimodal experiment=trimodal_quick
 
 test: $(DEV)
-	$(BIN)/python -m pytest -m "not slow" -n 2 -q
+	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadgroup -q
 
 slow: $(DEV)
 	$(BIN)/python -m pytest -m slow -q

@@ -112,6 +112,31 @@ def test_the_average_follows_closely_at_first(trained, store):
     torch.testing.assert_close(first[name], torch.lerp(start, now, 0.9))
 
 
+@pytest.mark.parametrize(
+    ("averaging", "counts", "counts_not"),
+    [(0.9, "averaged", "generator"), (0, "generator", "averaged")],
+)
+def test_the_average_of_the_weights_is_judged_and_speaks(store, averaging, counts, counts_not):
+    method = build(store, averaging=averaging)
+    windows = open_windows(store, "train", method)
+    every = (torch.from_numpy(windows.every_frame(name)) for name in ("poses", "cepstra"))
+    method.scales.fit(*every)
+    batch, speech = windows.batch(np.arange(2)), store.speech(Span(5, 0, 64))
+
+    def made():
+        draws = torch.Generator().manual_seed(2)
+        stages = method.stages(speech, None, draws, "ada")
+        return method.sample(batch, draws), torch.from_numpy(stages["k-NN + cGAN"])
+
+    before = made()
+    for network, same in ((counts_not, True), (counts, False)):
+        torch.nn.utils.vector_to_parameters(
+            torch.zeros(sum(p.numel() for p in getattr(method, network).parameters())),
+            getattr(method, network).parameters(),
+        )
+        assert [torch.equal(*pair) for pair in zip(before, made(), strict=True)] == [same, same]
+
+
 def test_statistics_are_those_of_the_training_motion(trained, store):
     method, _, _ = trained
     windows = open_windows(store, "train", method)
