@@ -12,9 +12,9 @@ from cospeech.methods.motion_matching import MotionMatching
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.methods.trimodal import Trimodal
 from cospeech.metrics.encoder import save_encoder
-from cospeech.speech.audio import save_wav
 from tests import multi_adversary_runs
 from tests.corpora import make_recording, make_store
+from tests.fabricated.sound import save_wav
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 FINGERPRINT = 64 * "0"

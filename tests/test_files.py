@@ -26,7 +26,6 @@ from cospeech.reporting.collect import collect
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.record import RunRecord, write_json
 from cospeech.reporting.report import write_report
-from cospeech.speech.audio import save_wav
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 from tests.corpora import REST_POSE
 from tests.fabricated.mocap import TRINITY_BODY, put_bvh, swinging
@@ -67,7 +66,6 @@ PHASES = [PhaseSegment(float(i), i + 1.0, "stroke") for i in range(1000)]
 
 WRITERS = {
     "checkpoint of weights": lambda path: write_weights(path, {"w": torch.zeros(10_000)}),
-    "sound": lambda path: save_wav(path, np.zeros(10_000, np.float32)),
     "motion": bvh,
     "phase table": lambda path: write_phase_table(path, PHASES),
     "ELAN": lambda path: write_elan(path, PHASES),

@@ -13,9 +13,9 @@ from cospeech.motion.bvh import write_bvh
 from cospeech.motion.kinematics import skeleton_positions
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
-from cospeech.speech.audio import save_wav
 from data_modules.mocap import MocapData
 from data_modules.synthetic import SyntheticData
+from tests.fabricated.sound import save_wav
 
 COMMON = {
     "batch_size": 8,

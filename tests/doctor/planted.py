@@ -9,9 +9,9 @@ from cospeech.corpus.recording import Recording
 from cospeech.corpus.synthetic import build_take, plan
 from cospeech.doctor import Check, Finding, Severity
 from cospeech.motion.bvh import write_bvh
-from cospeech.speech.audio import save_wav
 from cospeech.speech.speech import Speech, Word
 from cospeech.speech.tts import speak_all
+from tests.fabricated.sound import save_wav
 
 ARMS = tuple(
     (f"Left{joint}", f"Right{joint}")

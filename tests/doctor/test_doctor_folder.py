@@ -13,7 +13,6 @@ from cospeech.doctor import Check, Settings, Severity, check_path
 from cospeech.doctor.layouts import find_layout
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.motion.bvh import write_bvh
-from cospeech.speech.audio import save_wav
 from tests.doctor.planted import (
     moved_words,
     the_error,
@@ -30,6 +29,7 @@ from tests.fabricated.mocap import (
     write_trinity_release,
     write_zeggs,
 )
+from tests.fabricated.sound import save_wav
 
 
 @pytest.fixture(scope="module")

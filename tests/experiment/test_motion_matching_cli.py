@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cospeech.speech.audio import save_wav
 from tests import command_line
+from tests.fabricated.sound import save_wav
 
 pytestmark = pytest.mark.slow
 

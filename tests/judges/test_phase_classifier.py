@@ -27,8 +27,8 @@ from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.joint_map import find_joint_map
 from cospeech.motion.phases import PHASES, frame_phases
 from cospeech.motion.velocities import velocities
-from cospeech.speech.audio import save_wav
 from data_modules.uci_phases import UciPhasesData
+from tests.fabricated.sound import save_wav
 
 SMALL = {"dense": 32, "recurrent": 32, "bidirectional": 16}
 

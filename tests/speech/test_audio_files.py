@@ -8,7 +8,7 @@ import pytest
 import soundfile
 
 from cospeech.errors import InputFileError
-from cospeech.speech.audio import audio_seconds, load_audio, save_wav
+from cospeech.speech.audio import audio_seconds, load_audio
 
 
 def sine(rate, seconds=1.0, hz=440.0, level=0.5):
@@ -140,24 +140,6 @@ def test_absurd_sample_rate(tmp_path):
     path = write(tmp_path / "a.wav", np.zeros(100), 10)
     with pytest.raises(InputFileError, match="claims a sample rate of 10 Hz"):
         load_audio(path)
-
-
-def test_saved_samples_come_back_within_half_a_step(tmp_path):
-    waveform = np.random.default_rng(1).uniform(-1, 0.9999, 20_000).astype(np.float32)
-    save_wav(tmp_path / "a.wav", waveform)
-    info = soundfile.info(tmp_path / "a.wav")
-    assert (info.samplerate, info.channels, info.subtype) == (16000, 1, "PCM_16")
-    assert np.abs(load_audio(tmp_path / "a.wav") - waveform).max() <= 0.5 / 32768
-    save_wav(tmp_path / "b.wav", np.array([1.0, -1.0, 3.0, 0.0]))
-    expected = np.array([32767, -32768, 32767, 0], dtype=np.float32) / 32768
-    np.testing.assert_array_equal(load_audio(tmp_path / "b.wav"), expected)
-
-
-@pytest.mark.parametrize("waveform", [np.zeros((10, 2)), np.array([0.0, np.nan])])
-def test_what_is_no_waveform_is_not_saved(tmp_path, waveform):
-    with pytest.raises(ValueError, match="waveform"):
-        save_wav(tmp_path / "a.wav", waveform)
-    assert not list(tmp_path.iterdir())
 
 
 def test_real_recordings_have_their_known_lengths(shared):

@@ -70,6 +70,7 @@ class Scaled(GestureMethod):
     """Real motion, larger or smaller around the mean pose, its joints in another order."""
 
     window = WindowSpec(20.0, 100, 0, 100)
+    sample = open = None
 
     def border_frames(self):
         return 100
@@ -87,9 +88,6 @@ class Scaled(GestureMethod):
             )
             for take in held_out.takes
         }
-
-    def sample(self, batch, generator):
-        raise NotImplementedError
 
     def sample_joints(self, batch):
         assert not self.training

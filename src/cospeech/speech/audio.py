@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import logging
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import soxr
 from numpy.typing import NDArray
 
 from cospeech.errors import InputFileError
-from cospeech.files import replacing
 from cospeech.foreign import understood
 from cospeech.speech.audio_streams import (
     READABLE,
@@ -119,31 +117,6 @@ def audio_seconds(path: str | Path) -> float:
     except (soundfile.SoundFileError, OSError, TypeError):
         pass  # the reader knows better, or says what is wrong
     return len(read_audio(path)[0]) / SAMPLE_RATE
-
-
-def save_wav(path: str | Path, waveform: NDArray[np.floating]) -> None:
-    """Write a waveform as a mono 16 kHz PCM16 wav file; an existing file is replaced atomically.
-
-    A sample becomes ``round(32768 * x)``, clipped to the 16-bit range, so reading it back is at
-    most half a step (1.5e-5) away; only values above 32767/32768 lose more.
-
-    Args:
-        path: The file to write; missing folders are made.
-        waveform: ``(N,)`` samples in [-1, 1] at 16 kHz.
-
-    Raises:
-        ValueError: The waveform is not one-dimensional or not finite.
-        CospeechError: It can't be written; what was there is as it was.
-    """
-    if waveform.ndim != 1:
-        raise ValueError(f"a waveform is (samples,), got shape {waveform.shape}")
-    if not np.isfinite(waveform).all():
-        raise ValueError("the waveform holds NaN or infinity")
-    steps = np.clip(np.rint(waveform * 32768.0), -32768, 32767).astype(np.int16)
-    content = io.BytesIO()  # of a full disk, soundfile says no more than "System error."
-    soundfile.write(content, steps, SAMPLE_RATE, subtype="PCM_16", format="WAV")
-    with replacing(path) as temporary:
-        temporary.write_bytes(content.getvalue())
 
 
 def _check_is_file(path: Path) -> None:
