@@ -35,6 +35,11 @@ def test_every_model_composes_with_every_corpus(model, data):
     assert set(cfg.training) == {"epochs", "batch_size", "monitor", "quick"}
 
 
+def test_the_seed_of_a_run_draws_its_batches_and_its_steps_and_leaves_the_split_alone():
+    cfg = composed("model=knn", "seed=3")
+    assert (cfg.data.seed, cfg.callbacks.step_seed.seed, cfg.data.split_seed) == (3, 3, 0)
+
+
 @pytest.mark.parametrize("data", names("data"))
 def test_the_yaml_of_a_corpus_has_every_argument_of_its_class(data):
     values = composed("model=knn", f"data={data}").data

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import pytest
 from hydra import compose, initialize_config_dir
 
-from cospeech.corpus.store import Store
 from cospeech.experiment import RunResult
 from cospeech.experiment.building import build, chosen_encoder
 from cospeech.experiment.finished_run import load
@@ -22,7 +21,6 @@ class Finished:
 
     result: RunResult
     printed: str
-    store: Store
 
     @property
     def folder(self):
@@ -51,7 +49,7 @@ class Ready:
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
             result = train(self.outputs, *SETTINGS[name])
-        return Finished(result, printed.getvalue(), self.store)
+        return Finished(result, printed.getvalue())
 
 
 @pytest.fixture(scope="session")
