@@ -188,6 +188,9 @@ def test_shares_fill_the_bar_and_transitions_are_per_cent():
     bars = drawn(share_chart([("real", structure)], CLASSES))
     widths = [np.ptp([x for x, _ in corners]) for _, (corners,) in bars[:3]]
     np.testing.assert_allclose(np.array(widths) / sum(widths), [0.25, 0.5, 0.25], atol=1e-3)
+    # each begins where the one before it ends
+    ends = [(min(x for x, _ in corners), max(x for x, _ in corners)) for _, (corners,) in bars]
+    assert [ends[1][0], ends[2][0]] == pytest.approx([ends[0][1], ends[1][1]], abs=0.11)
     assert [title for title, _ in bars[:2]] == ["preparation: 25.0 %", "stroke: 50.0 %"]
     matrix = transition_matrices([("real", structure)], CLASSES)
     assert matrix.count(">100</td>") == 2
