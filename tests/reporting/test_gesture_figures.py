@@ -130,7 +130,8 @@ def test_a_line_is_where_its_velocity_is(systems):
     assert heights[2] - heights[0] == pytest.approx(10 * (heights[0] - heights[1]), abs=1.1)
     # evenly spaced steps
     np.testing.assert_allclose(np.diff([x for x, _ in real]), real[1][0] - real[0][0], atol=0.11)
-    assert {"0", "10", "40"} <= set(texts(chart))
+    # 40 cm/s are 2 cm per frame, and no step has the number 35
+    assert {"2", "35"} <= set(texts(chart))
 
 
 def test_lines_differ_without_their_colours():
@@ -162,6 +163,9 @@ def test_a_point_per_window_and_seed_in_the_range_chart():
     points = Counter(ids[e.get("href")[1:]] for e in ElementTree.fromstring(chart).iter("use"))
     by_colour = {re.search(r"--(c\d+)", style)[1]: count for style, count in points.items()}
     assert by_colour == {"c0": 12, "c1": 24}
+    # one height for each speed, those of seeds among them
+    heights = {e.get("y") for e in ElementTree.fromstring(chart).iter("use")}
+    assert len(heights) == 3
     # 99 steps of 1 cm straight up
     assert drawn(chart)[0][0] == "median 99.0 cm, quartiles 99.0 and 99.0 cm"
     assert {"real", "full model"} <= set(texts(chart))
@@ -184,6 +188,9 @@ def test_shares_fill_the_bar_and_transitions_are_per_cent():
     bars = drawn(share_chart([("real", structure)], CLASSES))
     widths = [np.ptp([x for x, _ in corners]) for _, (corners,) in bars[:3]]
     np.testing.assert_allclose(np.array(widths) / sum(widths), [0.25, 0.5, 0.25], atol=1e-3)
+    # each begins where the one before it ends
+    ends = [(min(x for x, _ in corners), max(x for x, _ in corners)) for _, (corners,) in bars]
+    assert [ends[1][0], ends[2][0]] == pytest.approx([ends[0][1], ends[1][1]], abs=0.11)
     assert [title for title, _ in bars[:2]] == ["preparation: 25.0 %", "stroke: 50.0 %"]
     matrix = transition_matrices([("real", structure)], CLASSES)
     assert matrix.count(">100</td>") == 2
