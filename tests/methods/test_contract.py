@@ -229,7 +229,11 @@ CUTS = {
     "odd": np.random.default_rng(0).integers(1, 9000, 40).tolist(),
 }
 
-OTHERWISE = ["knn model.preselect=pose_only", "knn_cgan model.form=paper"]
+OTHERWISE = [
+    "knn model.preselect=pose_only",
+    "knn_cgan model.preselect=pose_only",
+    "knn_cgan model.form=paper",
+]
 """Settings with a delay or a look-ahead of their own."""
 
 each_stream = pytest.mark.parametrize("name", [*MODELS, *OTHERWISE])
