@@ -107,7 +107,7 @@ def spoken(method, store, split):
 
 def sampled(method, store, split, batch_size):
     """Each window given its own seed poses, batch i from seed i."""
-    windows = open_windows(store, split, method)
+    windows = open_windows(store, split, method, frozenset({"positions"}))
     items = max(1, batch_size // windows.spec.run)
     made, real = [], []
     for number, first in enumerate(range(0, len(windows), items)):
