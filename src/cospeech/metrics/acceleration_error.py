@@ -10,7 +10,9 @@ from cospeech.metrics.functional import acceleration_error
 
 
 class AccelerationError(Metric):
-    """Mean absolute difference of second frame differences (spec 4.3), weighted by batch size.
+    """Mean absolute difference of second frame differences, weighted by batch size.
+
+    See docs/facts/trimodal.md, section 4.3.
 
     In metres per squared frame, as published: compare it at one frame rate only.
     """

@@ -11,7 +11,9 @@ from cospeech.metrics.functional import feature_distance
 
 
 class FeatureDistance(Metric):
-    """Mean L1 distance, summed over dimensions, of paired windows' features (spec 4.2).
+    """Mean L1 distance, summed over dimensions, of paired windows' features.
+
+    See docs/facts/trimodal.md, section 4.2.
 
     Unlike the Fréchet distance it asks for *this* window's motion, so it sees mismatched speech.
 

@@ -17,10 +17,10 @@ from cospeech.metrics.moments import Moments, feature_moments
 class FrechetGestureDistance(Metric):
     """Fréchet distance between real and generated windows in a frozen encoder's feature space.
 
-    Yoon et al. 2020, equation 6, with unbiased covariances (spec 4.1). Sums are float64, so the
-    value doesn't depend on batch size or on the number of processes. The encoder is held outside
-    the module tree: it is neither trained with the module that owns the metric nor saved in its
-    checkpoints, and it follows the positions to their device.
+    Yoon et al. 2020, equation 6, with unbiased covariances (docs/facts/trimodal.md, section 4.1).
+    Sums are float64, so the value doesn't depend on batch size or on the number of processes. The
+    encoder is held outside the module tree: it is neither trained with the module that owns the
+    metric nor saved in its checkpoints, and it follows the positions to their device.
 
     Args:
         encoder: Makes the features; its `sha256` belongs next to every value.

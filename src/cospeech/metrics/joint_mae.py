@@ -10,7 +10,9 @@ from cospeech.metrics.functional import SEED_FRAMES, joint_mae
 
 
 class JointMAE(Metric):
-    """Mean absolute error per joint coordinate, metres (spec 4.3), weighted by batch size.
+    """Mean absolute error per joint coordinate, metres, weighted by batch size.
+
+    See docs/facts/trimodal.md, section 4.3.
 
     Args:
         seed_frames: Leading frames that were given to the method and are left out.

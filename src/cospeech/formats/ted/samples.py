@@ -1,4 +1,7 @@
-"""The samples that the published preprocessing of the TED set caches (trimodal spec 3.6, 3.7)."""
+"""The samples that the published preprocessing of the TED set caches.
+
+See docs/facts/trimodal.md, sections 3.6 and 3.7.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ PUBLISHED_MEAN_DIRECTION = (
     0.9271948, 0.2960011, -0.013189, 0.5233978, 0.8092403, 0.0725451,
     -0.2037076, 0.1924306, 0.8196916,
 )  # fmt: skip
-"""Mean direction vector of the training poses (spec 3.2)."""
+"""Mean direction vector of the training poses (docs/facts/trimodal.md, section 3.2)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,9 @@ class TedSample:
     aux: dict[str, Any]
 
     def cut(self, frames: int = 34, fps: float = PUBLISHED_RULES.fps) -> TedSample:
-        """What the published loader hands out: the first frames of the window (spec 3.7).
+        """What the published loader hands out: the first frames of the window.
+
+        See docs/facts/trimodal.md, section 3.7.
 
         `words` stay those of the whole window, as published.
         """
@@ -78,7 +83,9 @@ def cached_samples(
     rules: WindowRules = PUBLISHED_RULES,
     mean_direction: Sequence[float] = PUBLISHED_MEAN_DIRECTION,
 ) -> Iterator[TedSample]:
-    """The values that the published preprocessing caches for a clip, in order (spec 3.6).
+    """The values that the published preprocessing caches for a clip, in order.
+
+    See docs/facts/trimodal.md, section 3.6.
 
     Args:
         clip: The clip.

@@ -145,7 +145,9 @@ class GeneratesGestures(GestureMethod):
         seed_motion: Motion | None = None,
         generator: torch.Generator | None = None,
     ) -> WholeUtterance:
-        """Begin upper-body motion at 20 fps on `UPPER_BODY` (spec D 19; see `LongForm`).
+        """Begin upper-body motion at 20 fps on `UPPER_BODY`; see `LongForm`).
+
+        See docs/facts/multi_adversary.md, section 9, decision 19.
 
         Windows are made together, so the whole speech is waited for. Words aren't read.
 
