@@ -35,7 +35,10 @@ from cospeech.methods.trimodal.networks import GeneratorOutput
 
 
 class Alternating(Trimodal):
-    """Takes turns: our step on even batches, the published order (spec 2.2) on odd ones."""
+    """Takes turns: our step on even batches, the published order on odd ones.
+
+    See docs/facts/trimodal.md, section 2.2.
+    """
 
     epoch = 0
     count_flops = False

@@ -22,7 +22,10 @@ from cospeech.nn.checkpoints import WholeCheckpoints
 from cospeech.nn.weights_file import read_checkpoint
 
 BATCH_SIZE = 128
-"""Windows per batch of the auto-encoder's training, as published (spec 2.4)."""
+"""Windows per batch of the auto-encoder's training, as published.
+
+See docs/facts/trimodal.md, section 2.4.
+"""
 
 _AGAIN = "run the command again: the encoder is trained anew"
 

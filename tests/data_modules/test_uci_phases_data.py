@@ -49,7 +49,8 @@ def test_a_recurrent_classifier_knows_the_phases_of_a_user_it_never_saw(
 ):
     """User c is left out; the epoch is chosen on a video of a training user.
 
-    The tree baseline is the weighted F of spec C.4 (velocities, mean over three left-out users).
+    The tree baseline is the weighted F of docs/facts/uci_gesture_phases.md, section 4 (velocities,
+    mean over three left-out users).
     """
     done = command_line.run(
         tmp_path,

@@ -130,6 +130,7 @@ def test_the_corpus_of_its_page_is_read_and_damage_is_told(added, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(2400)
 @pytest.mark.parametrize("name", HOW_TOS)
 def test_the_commands_of_a_how_to_run_in_a_checkout_with_its_files(name, tmp_path):
     page = Page(f"how_to/{name}.md")
@@ -139,6 +140,7 @@ def test_the_commands_of_a_how_to_run_in_a_checkout_with_its_files(name, tmp_pat
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(2400)
 def test_getting_started_and_the_stream_run_as_they_are_typed(tmp_path):
     checkout(tmp_path)
     for name in ("getting_started.md", "streams.md"):

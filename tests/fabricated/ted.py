@@ -17,7 +17,7 @@ CLIP_SECONDS = (6.2, 9.4, 12.0, 15.1, 20.3)
 DIFFERENT_CLIPS = 24
 STILL_CLIPS = (5, 17)
 SPLITS = ("lmdb_test", "lmdb_val", *["lmdb_train"] * 8)
-"""Database by the last digit of a video's number (spec 3.4)."""
+"""Database by the last digit of a video's number (docs/facts/trimodal.md, section 3.4)."""
 
 
 def write_ted(

@@ -70,7 +70,8 @@ def with_position_channels_everywhere(text):
 
 
 def test_position_channels_replace_the_offset(tmp_path):
-    """Spec 4.1: the challenge's converter added them, so that every bone came out doubled."""
+    """docs/facts/genea.md, section 1: the challenge's converter added them, so that every bone came
+    out doubled."""
     write_genea_2022(tmp_path, {"trn_2022_v1_000": 3})
     before = read_take(find_genea_takes(tmp_path)[0]).motion
     (path,) = tmp_path.rglob("*.bvh")

@@ -247,7 +247,8 @@ def prepared(root, store_dir, **changes):
 
 
 def test_vocabulary_and_speakers_are_the_published_ones(fixture, tmp_path):
-    """Spec 3.8 and 3.9: words in raw clip order over the splits, an id for each training video."""
+    """docs/facts/trimodal.md, sections 3.8 and 3.9: words in raw clip order over the splits, an id
+    for each training video."""
     videos = {name: described_videos(fixture, name) for name in ("lmdb_train", "lmdb_val")}
     words = [
         text

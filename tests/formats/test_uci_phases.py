@@ -179,7 +179,8 @@ def processed(path) -> tuple[np.ndarray, list[str]]:
 
 @pytest.mark.parametrize("video", VIDEOS)
 def test_the_processed_files_follow_from_the_raw_ones(uci, video):
-    """Spec C.3, 5 and 6: which also proves the decoding of times, joints and labels."""
+    """docs/facts/uci_gesture_phases.md, section 3, traps 5 and 6: which also proves the decoding of
+    times, joints and labels."""
     table = read_uci_table(uci / f"{video}_raw.csv")
     wanted, letters = processed(uci / f"{video}_va3.csv")
     index = {joint: i for i, joint in enumerate(FILE_JOINTS)}
@@ -209,7 +210,9 @@ def test_the_processed_files_follow_from_the_raw_ones(uci, video):
 
 @pytest.mark.parametrize(
     ("video", "rows", "seconds", "segments", "rows_of"),
-    [  # spec C.2: frames of rest, preparation, stroke, hold, retraction
+    [
+        # docs/facts/uci_gesture_phases.md, section 2: frames of rest, preparation, stroke, hold,
+        # retraction
         ("a1", 1747, 65.5, 47, (698, 163, 656, 39, 191)),
         ("a2", 1264, 52.3, 49, (493, 200, 431, 54, 86)),
         ("a3", 1834, 62.4, 68, (662, 279, 535, 150, 208)),

@@ -100,7 +100,8 @@ def test_the_views_have_the_papers_channels(method, batch):
 
 
 def test_the_gradient_through_the_frozen_classifier_is_the_finite_difference(method, batch):
-    """Spec B.7, trap 2, in float64, for a direction and for single coordinates."""
+    """docs/facts/multi_adversary.md, section 7, trap 2, in float64, for a direction and for single
+    coordinates."""
     views, adversary = method.views, method.players.adversaries["phase"].double().eval()
     for module in (method.players.scales, views.classifier):
         module.double()

@@ -194,7 +194,8 @@ def test_published_34_frame_checkpoint(shared):
     encoder = load_any(shared / CHECKPOINTS / "trimodal_h36m_gesture_autoencoder_34f.bin")
     assert encoder.frames == 34
     assert tuple(encoder.axes) == TED_AXES
-    # The first bone, spine to neck, of the published mean direction vector (spec 3.2).
+    # The first bone, spine to neck, of the published mean direction vector (docs/facts/trimodal.md,
+    # section 3.2).
     assert encoder.mean_direction[:3].tolist() == pytest.approx([0.0154009, -0.9690125, -0.0884354])
     assert encoder.sha256.startswith("ff7d5b94ec3b29f4")
 

@@ -328,7 +328,7 @@ def test_a_joint_between_and_beyond_others(tmp_path):
         )
 
 
-# Mean directions of the TED set (trimodal spec 3.2) in house axes.
+# Mean directions of the TED set (docs/facts/trimodal.md, section 3.2) in house axes.
 TED_NECK_TO_NOSE = np.array([0.002, 0.866, 0.434])
 TED_NOSE_TO_HEAD = np.array([0.004, 0.876, -0.412])
 

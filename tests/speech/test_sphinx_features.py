@@ -15,7 +15,7 @@ def noise(samples, seed=0, level=0.1):
 
 
 def written_out(waveform, fps, count):
-    """Spec A.2, one number at a time."""
+    """docs/facts/motion_matching.md, section 2, one number at a time."""
     samples = [float(value) * 32767 for value in waveform]
     edges = []
     low, high = (2595 * math.log10(1 + hz / 700) for hz in (133.3333, 6855.4976))

@@ -1,4 +1,5 @@
-"""Vocabulary and frame alignment against spec 3.4, 3.7 and 3.8, and a brute-force loop."""
+"""Vocabulary and frame alignment against docs/facts/trimodal.md, sections 3.4, 3.7 and 3.8, and a
+brute-force loop."""
 
 import json
 from math import floor

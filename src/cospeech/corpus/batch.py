@@ -21,7 +21,8 @@ class GestureBatch:
 
     * ``positions`` ``(B, E, 10, 3)``: upper-body joints, root-relative, metres, house axes.
     * ``audio`` ``(B, N)``: ``N = round(T / fps * 16000)``.
-    * ``words`` ``(B, T)`` int64: word id on its onset frame, 0 elsewhere (spec 3.7).
+    * ``words`` ``(B, T)`` int64: word id on its onset frame, 0 elsewhere (docs/facts/trimodal.md,
+      section 3.7).
     * ``word_vectors`` ``(B, T, C)``: of the word that is being said, zeros between words.
     * ``speakers`` ``(B,)`` int64: 1..n_speakers, 0 for anybody else.
     * ``joints`` ``(B, T, J, 3)``: the gesturing joints, relative to the pelvis, facing +z, metres

@@ -226,7 +226,8 @@ def journal_entry(source: PackedSource, skeletons: Sequence[int]) -> dict[str, A
 
 
 def _words(speech: Speech | None) -> tuple[NDArray[np.float64], list[str]]:
-    # A token without a letter or digit is no word (spec 3.4: empty words are skipped).
+    # A token without a letter or digit is no word (docs/facts/trimodal.md, section 3.4: empty words
+    # are skipped).
     words: Sequence[Word] = () if speech is None else speech.words or ()
     # Windows are found by bisection: a transcript out of order would lose words without a trace.
     words = sorted(words, key=lambda word: word.start)

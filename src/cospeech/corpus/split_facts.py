@@ -91,7 +91,8 @@ def split_facts(
         first_rows = np.cumsum([0, *upper_body_rows])
         statistics = upper_body_statistics(stream, first_rows, splits["train"])
     return {
-        # In order of the recordings, as the published ids are (spec 3.9).
+        # In order of the recordings, as the published ids are (docs/facts/trimodal.md, section
+        # 3.9).
         "speakers": list(dict.fromkeys(speakers[i] for i in sorted(train))),
         "splits": {
             name: [[span.recording, span.start, span.stop] for span in splits[name]]

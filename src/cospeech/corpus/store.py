@@ -138,7 +138,10 @@ class Store:
         return self._streams[stream]
 
     def audio(self, recording: int, start: int, count: int) -> NDArray[np.float32]:
-        """``(count,)`` float32 samples; past the recording's end they are mirrored (spec 3.6)."""
+        """``(count,)`` float32 samples; past the recording's end they are mirrored.
+
+        See docs/facts/trimodal.md, section 3.6.
+        """
         audio = np.empty(count, dtype=np.float32)
         self.copy_audio(recording, start, audio)
         return audio

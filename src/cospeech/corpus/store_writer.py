@@ -201,7 +201,7 @@ class StoreWriter:
 
         Args:
             splits: Spans of each split. Statistics come from ``"train"`` alone, but the words, as
-                published, from all (spec 3.8).
+                published, from all (docs/facts/trimodal.md, section 3.8).
         """
         self._folder.close()
         manifest = {

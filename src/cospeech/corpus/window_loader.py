@@ -82,7 +82,8 @@ class WindowLoader:
             make one batch.
         seed: Seed of the order.
         shuffle: Whether each epoch is permuted (training).
-        drop_last: Leave out a last batch that isn't full (as published, spec 2.1).
+        drop_last: Leave out a last batch that isn't full (as published, docs/facts/trimodal.md,
+            section 2.1).
 
     Raises:
         ConfigError: There are fewer windows than processes.

@@ -1,4 +1,7 @@
-"""The two distances of motion matching, in double precision: what decides in the end (spec A.3)."""
+"""The two distances of motion matching, in double precision: what decides in the end.
+
+See docs/facts/motion_matching.md, section 3.
+"""
 
 from __future__ import annotations
 

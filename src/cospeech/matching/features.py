@@ -1,4 +1,6 @@
-"""What motion matching compares: where the arms go next, and what is heard next (spec A.3).
+"""What motion matching compares: where the arms go next, and what is heard next.
+
+See docs/facts/motion_matching.md, section 3.
 
 The feature of a frame is that frame and some later ones ("taps"), tap by tap, every dimension
 normalised over the database.
@@ -34,9 +36,10 @@ class MatchingSpec:
         pose_taps: Frames in a pose feature.
         audio_taps: Frames in an audio feature.
         tap_spacing: Frames between taps.
-        true_future: Beyond the end of a sequence, read on in the recording where it goes on (spec
-            D, decision 5), and never start a window where it doesn't. Otherwise zeros, as
-            published: the features of a sequence's last frames are then partly made up.
+        true_future: Beyond the end of a sequence, read on in the recording where it goes on
+            (docs/facts/motion_matching.md, section 10, decision 5), and never start a window where
+            it doesn't. Otherwise zeros, as published: the features of a sequence's last frames are
+            then partly made up.
 
     Raises:
         ConfigError: A length below 1 or above `MOST_FRAMES`.

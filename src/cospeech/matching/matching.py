@@ -1,4 +1,7 @@
-"""Whole clips by motion matching, window after window (spec A.4)."""
+"""Whole clips by motion matching, window after window.
+
+See docs/facts/motion_matching.md, section 4.
+"""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def search_reference(
     goes_on: tuple[int, int] | None = None,
     start_offset: int = 0,
 ) -> Match:
-    """One step of the search (spec A.4, step 2).
+    """One step of the search (docs/facts/motion_matching.md, section 4, step 2).
 
     Each sequence offers its eligible window that starts nearest (earliest of equals); candidates
     are ranked by pose and by audio (lower sequence first of equals) and sorted by the sum of ranks,

@@ -24,7 +24,9 @@ InitialPose = Literal["random", "mean"]
 
 @dataclass(frozen=True)
 class MatchingSettings:
-    """How a database is searched; the published way by default (spec A.4).
+    """How a database is searched; the published way by default.
+
+    See docs/facts/motion_matching.md, section 4.
 
     Attributes:
         preselect: By what each sequence's candidate is found; ``"pose_only"`` hears nothing.

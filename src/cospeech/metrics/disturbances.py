@@ -14,7 +14,7 @@ from torch import Tensor
 from cospeech.motion.upper_body import UPPER_BODY
 
 PUBLISHED_MEAN_BONE = 0.2
-"""Mean bone length in the coordinates of the paper's data (spec 3.1)."""
+"""Mean bone length in the coordinates of the paper's data (docs/facts/trimodal.md, section 3.1)."""
 SALT_AND_PEPPER_SIZE = 0.2
 """Displacement of a salt-and-pepper coordinate, in those coordinates."""
 TEMPORAL_VARIANCE = 0.003

@@ -121,7 +121,9 @@ def _power_sums(features: Tensor, chunk: int = 4096) -> tuple[Tensor, Tensor, Te
 
 
 def feature_distance(features_generated: Tensor, features_real: Tensor) -> Tensor:
-    """Mean L1 distance between paired features, summed over dimensions (spec 4.2).
+    """Mean L1 distance between paired features, summed over dimensions.
+
+    See docs/facts/trimodal.md, section 4.2.
 
     Args:
         features_generated: ``(B, d)``.
@@ -135,7 +137,7 @@ def feature_distance(features_generated: Tensor, features_real: Tensor) -> Tenso
 
 
 def joint_mae(generated: Tensor, real: Tensor, seed_frames: int = SEED_FRAMES) -> Tensor:
-    """Mean absolute error per joint coordinate, metres (spec 4.3).
+    """Mean absolute error per joint coordinate, metres (docs/facts/trimodal.md, section 4.3).
 
     The root counts like every other joint, so ten joints of which one never errs.
 
@@ -152,7 +154,9 @@ def joint_mae(generated: Tensor, real: Tensor, seed_frames: int = SEED_FRAMES) -
 
 
 def acceleration_error(generated: Tensor, real: Tensor) -> Tensor:
-    """Mean absolute difference of second frame differences over all frames (spec 4.3).
+    """Mean absolute difference of second frame differences over all frames.
+
+    See docs/facts/trimodal.md, section 4.3.
 
     Args:
         generated: ``(B, T, 10, 3)`` root-relative positions, metres, T >= 3.

@@ -23,7 +23,10 @@ class Moments(NamedTuple):
     outer: Tensor
 
     def mean_and_covariance(self) -> tuple[Tensor, Tensor]:
-        """Mean ``(..., d)`` and unbiased covariance ``(..., d, d)`` (divisor n - 1, spec 4.1)."""
+        """Mean ``(..., d)`` and unbiased covariance ``(..., d, d)`` (divisor n - 1).
+
+        See docs/facts/trimodal.md, section 4.1.
+        """
         samples = self.samples.double().unsqueeze(-1)
         mean = self.total / samples
         scatter = self.outer - self.total.unsqueeze(-1) * mean.unsqueeze(-2)

@@ -55,7 +55,10 @@ class MelSpec:
 
 
 TRIMODAL_MEL = MelSpec()
-"""The published spectrogram of the trimodal paper (spec 3.5): 31.25 frames per second."""
+"""The published spectrogram of the trimodal paper: 31.25 frames per second.
+
+See docs/facts/trimodal.md, section 3.5.
+"""
 
 CEPSTRAL_MEL = MelSpec(fft_samples=512, hop_samples=160, bands=40, lowest_hz=20.0)
 """A usual choice for MFCC: 32 ms frames, 100 per second."""
@@ -67,7 +70,9 @@ def frame_times(frames: int, hop_samples: int) -> NDArray[np.float64]:
 
 
 def log_mel(waveform: Waveform, spec: MelSpec = TRIMODAL_MEL) -> Waveform:
-    """Mel power spectrogram in dB below the maximum of its clip (spec 3.5).
+    """Mel power spectrogram in dB below the maximum of its clip.
+
+    See docs/facts/trimodal.md, section 3.5.
 
     A louder copy of a clip has the same features. A clip of digital silence has no maximum to
     compare with and is ``-range_db`` throughout.

@@ -1,4 +1,4 @@
-"""Words as ids, and ids on motion frames (spec 3.7 and 3.8)."""
+"""Words as ids, and ids on motion frames (docs/facts/trimodal.md, sections 3.7 and 3.8)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ _NOT_LETTERS = re.compile(r"[\W_]+")
 
 
 def normalise_word(text: str) -> str:
-    """A word as the published vocabulary holds it (spec 3.4): "Don't" -> "dont", "Café," -> "cafe".
+    """A word as the published vocabulary holds it: "Don't" -> "dont", "Café," -> "cafe".
+
+    See docs/facts/trimodal.md, section 3.4.
 
     Accents are stripped from Latin letters, case is folded, apostrophes are removed, other symbols
     become single spaces; digits stay. Letters of other scripts are kept as written (the published
@@ -37,7 +39,9 @@ def _is_latin(character: str) -> bool:
 
 
 class Vocabulary:
-    """Word ids: PAD 0, SOS 1, EOS 2, UNK 3, then words in order of first occurrence (spec 3.8).
+    """Word ids: PAD 0, SOS 1, EOS 2, UNK 3, then words in order of first occurrence.
+
+    See docs/facts/trimodal.md, section 3.8.
 
     Args:
         words: The word of every id, beginning with the four special tokens.
@@ -115,7 +119,7 @@ def word_frames(
 def frame_aligned_words(
     word_starts: ArrayLike, word_ids: ArrayLike, window_start_s: float, frames: int, fps: float
 ) -> NDArray[np.int64]:
-    """Word ids on the frames of their onsets, PAD elsewhere (spec 3.7).
+    """Word ids on the frames of their onsets, PAD elsewhere (docs/facts/trimodal.md, section 3.7).
 
     Word w lands on frame ``max(0, floor((start_w - window_start) / (window_length / frames)))``;
     it's left out when that is past the window. A word that began before the window lands on
@@ -144,7 +148,9 @@ def frame_aligned_words(
 
 
 def evenly_placed_words(word_ids: ArrayLike, frames: int) -> NDArray[np.int64]:
-    """Word i of n on frame ``(i + 1) * floor(frames / (n + 1))``: timing discarded (spec 3.7).
+    """Word i of n on frame ``(i + 1) * floor(frames / (n + 1))``: timing discarded.
+
+    See docs/facts/trimodal.md, section 3.7.
 
     More words than frames all fall on frame 0, where the last one stays.
 

@@ -27,7 +27,7 @@ _ARCHIVES = {b"PK\x03\x04": "unzip", b"\x1f\x8b\x08\x00": "gunzip", b"\x1f\x8b\x
 
 
 def load_word_vectors(path: str | Path, words: Sequence[str], seed: int) -> NDArray[np.float32]:
-    """The vector of every word of a vocabulary (spec 3.8).
+    """The vector of every word of a vocabulary (docs/facts/trimodal.md, section 3.8).
 
     From a ``.bin`` file words outside its dictionary are composed of their sub-words; a ``.vec``
     file knows only whole words. Special tokens, and words for which the file has nothing, are drawn

@@ -78,7 +78,7 @@ WORDS = WindowField(
     name="words",
     reads="words",
     axis="method frames",
-    unit="word id on the frame of its onset, 0 elsewhere (spec 3.7)",
+    unit="word id on the frame of its onset, 0 elsewhere",
     dtype=np.int64,
     reader=_reader,
 )

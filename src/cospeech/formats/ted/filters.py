@@ -1,4 +1,4 @@
-"""What the published preprocessing of the TED set keeps (trimodal spec 3.6)."""
+"""What the published preprocessing of the TED set keeps (docs/facts/trimodal.md, section 3.6)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ PUBLISHED_MEAN_POSE = (
     -0.2280813, 0.112117, 0.2087789, 0.1523502, -0.1521499, -0.0161503,
     0.291909, 0.0644232, 0.0040145, 0.2452035, 0.1115339, 0.2051307,
 )  # fmt: skip
-"""Mean of the training poses (spec 3.2), which the pose filter compares with."""
+"""Mean of the training poses, which the pose filter compares with.
+
+See docs/facts/trimodal.md, section 3.2.
+"""
 
 PASSED = "PASS"
 
@@ -23,7 +26,7 @@ _WRISTS = (6, 9)
 
 @dataclass(frozen=True)
 class WindowRules:
-    """What the published preprocessing keeps (spec 3.6).
+    """What the published preprocessing keeps (docs/facts/trimodal.md, section 3.6).
 
     Attributes:
         fps: Frame rate that poses are resampled to.
@@ -55,7 +58,9 @@ PUBLISHED_RULES = WindowRules()
 
 
 def judge_motion(poses: NDArray[np.floating], rules: WindowRules = PUBLISHED_RULES) -> str:
-    """`PASSED`, or the first motion filter that a window fails (spec 3.6, step 6).
+    """`PASSED`, or the first motion filter that a window fails.
+
+    See docs/facts/trimodal.md, section 3.6, step 6.
 
     Args:
         poses: ``(T, 10, 3)``.

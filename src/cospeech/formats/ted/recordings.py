@@ -26,7 +26,7 @@ SKELETON = Skeleton("ted", UPPER_BODY.joints, UPPER_BODY.parents)
 
 METRES_PER_UNIT = (2.40 / 9) / 0.2
 """Stored poses have a mean bone of 0.2; the nine bones of the published table, in metres, add up to
-2.40 (spec 3.1)."""
+2.40 (docs/facts/trimodal.md, section 3.1)."""
 
 LICENCE = "TED talks, CC BY-NC-ND"
 
@@ -37,7 +37,7 @@ class Origin:
 
     Attributes:
         id: Id of its recording; a clip that is cut appends a number.
-        video: The video's name, which stands for the speaker (spec 3.9).
+        video: The video's name, which stands for the speaker (docs/facts/trimodal.md, section 3.9).
         split: Split of its database.
         place: Database, key and clip, for people.
     """

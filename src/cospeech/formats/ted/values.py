@@ -14,7 +14,9 @@ from cospeech.speech.speech import Word
 
 
 def video_clips(value: Any) -> tuple[str, list[Any]]:
-    """Name and clips of a value of a video database (spec 3.4); the clips are not looked into.
+    """Name and clips of a value of a video database; the clips are not looked into.
+
+    See docs/facts/trimodal.md, section 3.4.
 
     Raises:
         ValueLayoutError: It isn't a video.
@@ -54,7 +56,7 @@ def checked_clip(values: Any) -> TedClip:
 
 
 def checked_sample(value: Any) -> TedSample:
-    """A value of a cache database (spec 3.6, step 7).
+    """A value of a cache database (docs/facts/trimodal.md, section 3.6, step 7).
 
     Raises:
         ValueLayoutError: It isn't a cached sample.

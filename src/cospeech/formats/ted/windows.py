@@ -1,4 +1,7 @@
-"""A TED clip at 15 fps, cut into the published windows (trimodal spec 3.5 and 3.6)."""
+"""A TED clip at 15 fps, cut into the published windows.
+
+See docs/facts/trimodal.md, sections 3.5 and 3.6.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,9 @@ _SPECTROGRAM_WINDOW, _SPECTROGRAM_HOP = 1024, 512
 def resample_poses(
     poses: NDArray[np.floating], duration_s: float, fps: float
 ) -> NDArray[np.float16]:
-    """Poses at another frame rate, bit for bit as the published code has them (spec 3.6, step 1).
+    """Poses at another frame rate, bit for bit as the published code has them.
+
+    See docs/facts/trimodal.md, section 3.6, step 1.
 
     Linear interpolation over the frame index at 0, n/E, 2n/E ... below n, with E = duration * fps
     not rounded; positions past the last frame continue its slope. Differences between neighbouring
@@ -45,7 +50,10 @@ def resample_poses(
 
 
 def spectrogram_columns(frames: int, fps: float = PUBLISHED_RULES.fps) -> int:
-    """Spectrogram columns that go with so many frames; halves round to even (spec 3.5)."""
+    """Spectrogram columns that go with so many frames; halves round to even.
+
+    See docs/facts/trimodal.md, section 3.5.
+    """
     samples = frames / fps * SAMPLE_RATE
     return round((samples - _SPECTROGRAM_WINDOW) / _SPECTROGRAM_HOP + 1)
 

@@ -16,15 +16,15 @@ from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.upper_body import EVALUATION_FPS, EVALUATION_FRAMES, EVALUATION_STRIDE
 
 LEARNING_RATE = 5e-4
-"""As published (spec 2.4)."""
+"""As published (docs/facts/trimodal.md, section 2.4)."""
 
 
 class MotionAutoencoder(LightningModule):
     """Auto-encoder of real motion, trained to be a feature extractor (Yoon et al. 2020, 5.1).
 
     It generates nothing, so it is not a `GestureMethod`; `encoder` hands over the result. The best
-    epoch is the one with the lowest mean L1 reconstruction error on the validation split (spec
-    2.5).
+    epoch is the one with the lowest mean L1 reconstruction error on the validation split
+    (docs/facts/trimodal.md, section 2.5).
 
     Args:
         corpus: Facts of the corpus; the mean direction and the bone lengths are used.
@@ -63,7 +63,7 @@ class MotionAutoencoder(LightningModule):
         self.log(self.monitor, error, batch_size=len(batch), sync_dist=True)
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam with the published betas (spec 2.4)."""
+        """Adam with the published betas (docs/facts/trimodal.md, section 2.4)."""
         return torch.optim.Adam(
             self.network.parameters(), lr=self.learning_rate, betas=(0.5, 0.999)
         )
@@ -85,7 +85,9 @@ class MotionAutoencoder(LightningModule):
 
 
 def reconstruction_loss(reconstruction: Tensor, features: Tensor) -> Tensor:
-    """Mean L1 plus mean L1 of frame differences, summed over the batch (spec 2.4).
+    """Mean L1 plus mean L1 of frame differences, summed over the batch.
+
+    See docs/facts/trimodal.md, section 2.4.
 
     The sum is as published: the size of a gradient step depends on the batch size.
 

@@ -70,7 +70,7 @@ class FrozenPhaseClassifier(nn.Module):
 
     No call changes it: its weights take no gradient, dropout is off and the batch norm uses its
     running statistics, in training as in evaluation. Gradients do flow *through* it, to the joints
-    (spec B.7, trap 2).
+    (docs/facts/multi_adversary.md, section 7, trap 2).
 
     Args:
         network: Copied; further training of it changes nothing here.

@@ -51,7 +51,9 @@ logger = logging.getLogger(__name__)
 
 
 class PhaseClassifier(LightningModule):
-    """Tells gesture phases from the joints' velocities (Ferstl et al. 2020, section 4; spec B.4).
+    """Tells gesture phases from the joints' velocities (Ferstl et al. 2020, section 4).
+
+    See docs/facts/multi_adversary.md, section 4.
 
     It generates nothing, so it is not a `GestureMethod`. Whenever validation improves, `frozen` is
     written into the run's folder as ``phase_classifier.pt``.

@@ -1,4 +1,7 @@
-"""The network that tells gesture phases apart (Ferstl et al. 2020, section 4; spec B.4)."""
+"""The network that tells gesture phases apart (Ferstl et al. 2020, section 4).
+
+See docs/facts/multi_adversary.md, section 4.
+"""
 
 from __future__ import annotations
 
@@ -101,14 +104,17 @@ class PhaseFeatures(nn.Module):
     """Z-scores of velocities, and of pitch: what the network reads.
 
     Velocities are differences of positions in metres times 20 fps, whatever scales the positions
-    had elsewhere (spec B.7, trap 3). The statistics are buffers; until `fit` they are 0 and 1.
+    had elsewhere (docs/facts/multi_adversary.md, section 7, trap 3). The statistics are buffers;
+    until `fit` they are 0 and 1.
 
     Args:
         joints: Number of joints.
         pitch: Whether the pitch is a channel.
-        speeds: Whether each joint's speed is a channel, besides its velocity (spec C.5).
+        speeds: Whether each joint's speed is a channel, besides its velocity
+            (docs/facts/uci_gesture_phases.md, section 5).
         smooth: Whether positions pass a low-pass first, 1-2-1 over neighbouring steps (a standard
-            deviation of 35 ms): for noisy positions such as a Kinect's (spec C.5).
+            deviation of 35 ms): for noisy positions such as a Kinect's
+            (docs/facts/uci_gesture_phases.md, section 5).
     """
 
     mean: Tensor

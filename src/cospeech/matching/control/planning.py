@@ -20,7 +20,10 @@ from cospeech.speech.speech import Word
 logger = logging.getLogger(__name__)
 
 BEFORE_WORD_S = 0.2
-"""How long before its word a keyword begins to count: gestures are ahead of words (spec A.5)."""
+"""How long before its word a keyword begins to count: gestures are ahead of words.
+
+See docs/facts/motion_matching.md, section 5.
+"""
 
 _ROUNDING_S = 1e-6
 

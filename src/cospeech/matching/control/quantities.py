@@ -109,7 +109,8 @@ def measure(name: str, positions: NDArray[np.floating], roles: Sequence[str], fp
     """One quantity of every frame.
 
     A speed is the Euclidean step from the frame before times ``fps``; the first frame has the
-    second's, so nothing is read across the edge of a sequence (spec A.5).
+    second's, so nothing is read across the edge of a sequence (docs/facts/motion_matching.md,
+    section 5).
 
     Args:
         name: Key of `QUANTITIES`.

@@ -1,4 +1,6 @@
-"""The four adversaries: how large they are, and what each is shown (spec B.6).
+"""The four adversaries: how large they are, and what each is shown.
+
+See docs/facts/multi_adversary.md, section 6.
 
 Their sizes are defaults of ours; the paper draws the networks without numbers.
 """
@@ -26,7 +28,8 @@ class Views:
     """What adversaries can be shown of a window; the same way for real and for generated motion.
 
     Differentiable in the poses, ``(B, T, 3 J)`` z-scores. Acoustics are ``(B, T, 27)``, not
-    normalised. Velocities are differences of metres inside a window (spec B.7, traps 3 and 4).
+    normalised. Velocities are differences of metres inside a window (docs/facts/multi_adversary.md,
+    section 7, traps 3 and 4).
 
     Args:
         scales: Between metres and z-scores.

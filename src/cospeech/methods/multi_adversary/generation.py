@@ -143,7 +143,9 @@ class GeneratesGestures(GestureMethod):
         seed_motion: Motion | None,
         generator: torch.Generator,
     ) -> WholeUtterance:
-        """Begin upper-body motion at 20 fps on `UPPER_BODY` (spec D 19; see `LongForm`).
+        """Begin upper-body motion at 20 fps on `UPPER_BODY`; see `LongForm`).
+
+        See docs/facts/multi_adversary.md, section 9, decision 19.
 
         The whole speech is waited for: the network looks at no later step, but F0 does. What is
         voiced is judged against the loudest sample, and chosen along one path through all of it.

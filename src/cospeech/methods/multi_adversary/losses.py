@@ -1,4 +1,7 @@
-"""The objective losses (Ferstl et al. 2020, section 7.2; spec B.7). Pure functions."""
+"""The objective losses (Ferstl et al. 2020, section 7.2). Pure functions.
+
+See docs/facts/multi_adversary.md, section 7.
+"""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ PAPER_WEIGHTS = {"phase": 2.0, "motion": 4.0, "minibatch": 4.0, "displacement": 
 
 LONGEST_RUN = 4
 """Consecutive windows of a batch: with more, batch norm and the minibatch adversary would see
-little else than one moment of one take (spec B.7, trap 7)."""
+little else than one moment of one take (docs/facts/multi_adversary.md, section 7, trap 7)."""
 
 
 MOST_SNAPSHOTS = 1000

@@ -1,4 +1,6 @@
-"""The generator and the discriminators (Ferstl et al. 2020, sections 5 and 6; spec B.5, B.6).
+"""The generator and the discriminators (Ferstl et al. 2020, sections 5 and 6).
+
+See docs/facts/multi_adversary.md, sections 5 and 6.
 
 The paper gives the generator's sizes. The discriminators' are drawn without numbers: those here are
 ours.

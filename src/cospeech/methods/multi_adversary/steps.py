@@ -150,8 +150,8 @@ class StageSteps:
     def _adversarial(self, batch: GestureBatch, step: int) -> Logs:
         """One step of every adversary, one against them, and at times an objective one.
 
-        Both kinds of steps see the same batch, so that batch norm sees the same kind (spec B.7,
-        trap 6).
+        Both kinds of steps see the same batch, so that batch norm sees the same kind
+        (docs/facts/multi_adversary.md, section 7, trap 6).
         """
         speech, poses = self._inputs(batch)
         adversaries, logs = self.players.adversaries, Logs()

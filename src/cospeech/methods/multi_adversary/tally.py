@@ -1,4 +1,7 @@
-"""What validation says of a generator besides FGD: wrist velocity and phases (spec B.8)."""
+"""What validation says of a generator besides FGD: wrist velocity and phases.
+
+See docs/facts/multi_adversary.md, section 8.
+"""
 
 from __future__ import annotations
 

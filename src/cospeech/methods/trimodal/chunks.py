@@ -1,4 +1,7 @@
-"""Long speech in chunks: cutting, word placement and blending (spec 5)."""
+"""Long speech in chunks: cutting, word placement and blending.
+
+See docs/facts/trimodal.md, section 5.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,9 @@ def chunk_audio(sound: NDArray[np.float32], window: WindowSpec) -> Tensor:
 
 
 def chunk_words(words: EncodedWords, chunk: int, window: WindowSpec, *, timed: bool) -> Tensor:
-    """Word ids of one chunk (spec 3.7), ``(frames,)`` int64, 0 where there is no word.
+    """Word ids of one chunk, ``(frames,)`` int64, 0 where there is no word.
+
+    See docs/facts/trimodal.md, section 3.7.
 
     Args:
         words: Ids with their times.
@@ -58,8 +63,9 @@ def chunk_words(words: EncodedWords, chunk: int, window: WindowSpec, *, timed: b
 def spread_words(words: Tensor) -> Tensor:
     """Frame-aligned words without their timing: word i of n at ``(i + 1) floor(T / (n + 1))``.
 
-    The published text-only ablation places the words of a window so (spec 3.7). A batch holds
-    frame-aligned words, so one that another word on its frame has overwritten stays lost.
+    The published text-only ablation places the words of a window so (docs/facts/trimodal.md,
+    section 3.7). A batch holds frame-aligned words, so one that another word on its frame has
+    overwritten stays lost.
 
     Args:
         words: ``(B, T)`` ids, 0 where there is no word.
@@ -75,7 +81,9 @@ def spread_words(words: Tensor) -> Tensor:
 
 
 def blend(previous: Tensor, following: Tensor) -> Tensor:
-    """The overlap of two chunks (spec 5.2): the first fades linearly into the second.
+    """The overlap of two chunks: the first fades linearly into the second.
+
+    See docs/facts/trimodal.md, section 5.2.
 
     Frame j of s is ``previous (s - j) / (s + 1) + following (j + 1) / (s + 1)``.
 
@@ -93,7 +101,8 @@ def seed_input(seeds: Tensor, frames: int) -> Tensor:
     """The generator's ``(B, frames, 28)`` seed channels: features, then 1, on the leading frames.
 
     Args:
-        seeds: ``(B, seed_frames, 27)``; no frames at all leave everything zero (spec 5.1).
+        seeds: ``(B, seed_frames, 27)``; no frames at all leave everything zero
+            (docs/facts/trimodal.md, section 5.1).
         frames: Window length.
     """
     channels = seeds.new_zeros(len(seeds), frames, POSE_SIZE + 1)

@@ -13,7 +13,7 @@ PUBLISHED_MOMENTUM = 0.1
 
 
 class AudioEncoder(nn.Module):
-    """Raw waveform to one feature vector per frame (spec 1.1).
+    """Raw waveform to one feature vector per frame (docs/facts/trimodal.md, section 1.1).
 
     Feature i sees samples ``1080 i - 1600 ... 1080 i + 1424``; 35 465 to 36 544 samples give 34.
     """
@@ -66,8 +66,9 @@ class WeightNormConv1d(nn.Module):
         reference = nn.Conv1d(inputs, outputs, kernel)
         assert reference.bias is not None
         self.bias = nn.Parameter(reference.bias.detach())
-        # The published N(0, 0.01) init is overwritten by weight norm's first forward (spec 1.2), so
-        # the direction keeps torch's default and the magnitude is its norm.
+        # The published N(0, 0.01) init is overwritten by weight norm's first forward
+        # (docs/facts/trimodal.md, section 1.2), so the direction keeps torch's default and the
+        # magnitude is its norm.
         direction = reference.weight.detach()
         self.weight_g = nn.Parameter(direction.flatten(1).norm(dim=1).view(-1, 1, 1))
         self.weight_v = nn.Parameter(direction)
@@ -83,7 +84,10 @@ class WeightNormConv1d(nn.Module):
 
 
 class TemporalBlock(nn.Module):
-    """Two causal convolutions, each with ReLU and dropout, around a residual (spec 1.2)."""
+    """Two causal convolutions, each with ReLU and dropout, around a residual.
+
+    See docs/facts/trimodal.md, section 1.2.
+    """
 
     def __init__(
         self, inputs: int, outputs: int, kernel: int, dilation: int, dropout: float
@@ -133,7 +137,7 @@ class TemporalConvNet(nn.Module):
 
 
 class TextEncoder(nn.Module):
-    """Frame-aligned words to one feature vector per frame (spec 1.2).
+    """Frame-aligned words to one feature vector per frame (docs/facts/trimodal.md, section 1.2).
 
     PAD (id 0) is an ordinary learned vector, as published.
 

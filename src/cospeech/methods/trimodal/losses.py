@@ -1,4 +1,7 @@
-"""The generator's own losses (Yoon et al. 2020, section 4.2; spec 2.2). Pure functions."""
+"""The generator's own losses (Yoon et al. 2020, section 4.2). Pure functions.
+
+See docs/facts/trimodal.md, section 2.2.
+"""
 
 from __future__ import annotations
 

@@ -222,7 +222,10 @@ class Trimodal(GestureMethod):
         ]
 
     def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor]:
-        """One discriminator and one generator update from one shared generator pass (spec 2.2)."""
+        """One discriminator and one generator update from one shared generator pass.
+
+        See docs/facts/trimodal.md, section 2.2.
+        """
         generator_optimizer, discriminator_optimizer = cast(
             list[LightningOptimizer], self.optimizers()
         )
@@ -286,7 +289,7 @@ class Trimodal(GestureMethod):
 
     @torch.no_grad()
     def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
-        """One window per item from its real seed poses (spec 4.1).
+        """One window per item from its real seed poses (docs/facts/trimodal.md, section 4.1).
 
         A known speaker keeps their own style; an unknown one (id 0) gets a random training
         speaker's, as every item does in the published evaluation. Seed frames are generated too.
@@ -312,7 +315,9 @@ class Trimodal(GestureMethod):
         seed_motion: Motion | None,
         generator: torch.Generator,
     ) -> Stream:
-        """Begin root-relative motion at 15 fps, chunk by chunk (section 3.3; spec 5).
+        """Begin root-relative motion at 15 fps, chunk by chunk (section 3.3).
+
+        See docs/facts/trimodal.md, section 5.
 
         Chunks of 34 frames start every 30; each takes the last four frames of the one before as
         seeds, and the overlap is blended. Without a transcript the words are padding. Words outside

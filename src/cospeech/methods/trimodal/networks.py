@@ -1,4 +1,6 @@
-"""Generator and discriminator (Yoon et al. 2020, sections 3.2-3.4; spec 1.3-1.5).
+"""Generator and discriminator (Yoon et al. 2020, sections 3.2-3.4).
+
+See docs/facts/trimodal.md, sections 1.3 to 1.5.
 
 Tensor names, shapes and order are the published ones, so published weights load as they are.
 """
@@ -50,7 +52,10 @@ class GeneratorOutput(NamedTuple):
 
 
 def _head_activation(corrected: bool) -> nn.Module:
-    """The published leaky ReLU got slope 1 by mistake, which is the identity (spec 1.0)."""
+    """The published leaky ReLU got slope 1 by mistake, which is the identity.
+
+    See docs/facts/trimodal.md, section 1.0.
+    """
     return nn.LeakyReLU(CORRECTED_SLOPE) if corrected else nn.Identity()
 
 
@@ -161,7 +166,7 @@ class Generator(nn.Module):
         return torch.cat(features, dim=-1)
 
     def style_posterior(self, speakers: Tensor) -> Posterior:
-        """Distribution over styles of each speaker id (spec 1.3)."""
+        """Distribution over styles of each speaker id (docs/facts/trimodal.md, section 1.3)."""
         embedded = self.speaker_embedding(speakers)
         return Posterior(self.speaker_mu(embedded), self.speaker_logvar(embedded))
 
@@ -179,7 +184,10 @@ class Generator(nn.Module):
         return posterior.sample(noise), posterior
 
     def decode(self, seed_poses: Tensor, speech: Tensor, z: Tensor | None) -> Tensor:
-        """Poses ``(B, T, 27)`` from seed input, speech features and style (spec 1.4)."""
+        """Poses ``(B, T, 27)`` from seed input, speech features and style.
+
+        See docs/facts/trimodal.md, section 1.4.
+        """
         parts = [seed_poses, speech]
         if z is not None:
             parts.append(z.unsqueeze(1).expand(-1, seed_poses.shape[1], -1))
@@ -189,7 +197,7 @@ class Generator(nn.Module):
 
 
 class ConvDiscriminator(nn.Module):
-    """Convolutions, a GRU and one probability per window (spec 1.5).
+    """Convolutions, a GRU and one probability per window (docs/facts/trimodal.md, section 1.5).
 
     Args:
         frames: Window length, fixed by the last layer.

@@ -1,4 +1,7 @@
-"""Motion for speech of any length (Yoon et al. 2020, section 3.3; spec 5.1-5.2)."""
+"""Motion for speech of any length (Yoon et al. 2020, section 3.3).
+
+See docs/facts/trimodal.md, sections 5.1 to 5.2.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +100,8 @@ class Styles:
         self._network, self._generator = voice.network, generator
         options, style = voice.options, voice.network.style
         if style == "speaker" and request.vector is None and not request.weights:
-            # Drawing 0 is a published quirk: nothing ever trained row 0 (spec 1.3).
+            # Drawing 0 is a published quirk: nothing ever trained row 0 (docs/facts/trimodal.md,
+            # section 1.3).
             lowest = min(1, len(voice.speakers)) if options.trained_speakers_only else 0
             drawn = draw_speakers(1, lowest, len(voice.speakers), generator)
             request = StyleRequest(None, {int(drawn): 1.0})

@@ -20,7 +20,8 @@ SIGMA_S = 0.1
 def beat_scores(beats: Times, others: Times, sigma_s: float = SIGMA_S) -> NDArray[np.float64]:
     """``exp(-min over b in others of (a - b)^2 / (2 sigma^2))`` of each beat a.
 
-    Their mean is the directed score S(beats -> others) (spec 3.2). Without others all are 0.
+    Their mean is the directed score S(beats -> others) (docs/facts/metrics.md, section 2). Without
+    others all are 0.
 
     Args:
         beats: ``(n,)`` seconds, ascending.
@@ -41,7 +42,9 @@ def beat_scores(beats: Times, others: Times, sigma_s: float = SIGMA_S) -> NDArra
 
 
 def lift(score: float, chance: float) -> float:
-    """``(score - chance) / (1 - chance)``: 1 for beats that all meet, 0 for chance (spec 3.2).
+    """``(score - chance) / (1 - chance)``: 1 for beats that all meet, 0 for chance.
+
+    See docs/facts/metrics.md, section 2.
 
     Negative where beats avoid one another. NaN for a chance of 1, which leaves nothing to find.
     """

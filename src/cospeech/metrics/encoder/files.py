@@ -66,7 +66,9 @@ def import_published(
     mean_direction: Sequence[float] | None = None,
     frames: int = EVALUATION_FRAMES,
 ) -> GestureEncoder:
-    """An encoder from a published auto-encoder checkpoint (spec 6), in TED axes.
+    """An encoder from a published auto-encoder checkpoint, in TED axes.
+
+    See docs/facts/trimodal.md, section 6.
 
     Args:
         checkpoint: A checkpoint file, or the network's bare state dict.

@@ -18,7 +18,9 @@ def flattened_size(frames: int) -> int:
 
 
 class PoseAutoencoder(nn.Module):
-    """Convolutional auto-encoder of Yoon et al. 2020, appendix A, without sampling (spec 1.9).
+    """Convolutional auto-encoder of Yoon et al. 2020, appendix A, without sampling.
+
+    See docs/facts/trimodal.md, section 1.9.
 
     Tensor names are the published ones. Where the published code meant a leaky ReLU in the dense
     layers it has the identity, and so have we: published weights mean something only that way.

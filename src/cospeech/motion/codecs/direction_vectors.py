@@ -66,7 +66,7 @@ class DirectionVectorCodec(nn.Module):
         Args:
             features: Network output or `encode`'s result.
             unit_length: Normalise each vector first. The published code does not, so its bones
-                come out shorter or longer than the table (spec 3.3).
+                come out shorter or longer than the table (docs/facts/trimodal.md, section 3.3).
         """
         directions = (features + cast(Tensor, self.mean_direction)).unflatten(-1, (9, 3))
         directions = directions * cast(Tensor, self.axes)

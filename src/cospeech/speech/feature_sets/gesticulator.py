@@ -1,4 +1,6 @@
-"""Gesticulator's 64-band log-mel at 20 fps (Kucherenko et al. 2020; spec 1.2).
+"""Gesticulator's 64-band log-mel at 20 fps (Kucherenko et al. 2020).
+
+See docs/facts/trinity_and_gesticulator.md, section 2.
 
 Each frame is the power in 64 Slaney mel bands from 100 to 7500 Hz of 2048 samples at 22 050 Hz
 (92.9 ms; the paper says 0.1 s) under a symmetric Hann window, as ``ln(power + 1e-10)``. It isn't

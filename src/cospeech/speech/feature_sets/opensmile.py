@@ -1,4 +1,6 @@
-"""26 MFCC and F0 at 100 fps, framed as openSMILE does (Ferstl et al. 2020; spec B.2, D rows 1-3).
+"""26 MFCC and F0 at 100 fps, framed as openSMILE does (Ferstl et al. 2020).
+
+See docs/facts/multi_adversary.md, section 2 and section 9, decisions 1 to 3.
 
 The paper names openSMILE, 26 MFCC, F0, a window of 20 ms and a hop of 10 ms, and no more.
 

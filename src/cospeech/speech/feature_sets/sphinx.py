@@ -1,4 +1,6 @@
-"""Sphinx-III cepstra and log energy at a motion's own rate (Habibie et al. 2022; spec A.2).
+"""Sphinx-III cepstra and log energy at a motion's own rate (Habibie et al. 2022).
+
+See docs/facts/motion_matching.md, section 2.
 
 Frame i begins at sample ``round(i * 16000 / fps)`` and has 409 samples (25.6 ms), however far the
 next one is: at 15 fps 62 % of the audio is never looked at, as published. Samples are on the scale
@@ -96,7 +98,8 @@ def with_slopes(static: NDArray[np.float32]) -> NDArray[np.float32]:
     """The 14 channels and their change per frame: what the refinement network hears.
 
     Cepstra by regression over two frames to either side, energy by the step to the next frame (0
-    at the last), as the paper names no formula (spec D, decision 4).
+    at the last), as the paper names no formula (docs/facts/motion_matching.md, section 10, decision
+    4).
 
     Args:
         static: ``(T, 14)`` from `sphinx_features`.

@@ -27,7 +27,8 @@ class Spread:
 
     Attributes:
         mean: m or m/s.
-        deviation: Standard deviation over frames (spec D, decision 17).
+        deviation: Standard deviation over frames (docs/facts/motion_matching.md, section 10,
+            decision 17).
         share: Share of the frames beyond the threshold.
         within: Mean without the first frame of each window, whose speed is a leap from the window
             before.

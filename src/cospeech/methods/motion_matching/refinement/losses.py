@@ -1,4 +1,7 @@
-"""What is beside the Wasserstein loss (section 3.2, equations 1 to 3; spec A.6)."""
+"""What is beside the Wasserstein loss (section 3.2, equations 1 to 3).
+
+See docs/facts/motion_matching.md, section 6.
+"""
 
 from __future__ import annotations
 

@@ -61,8 +61,8 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     """k-NN search, then a cGAN that makes its output like real motion to the same speech.
 
     The first training step finds the database and the training pairs ready: they are made before,
-    and kept beside the store. Defaults are the published code's (spec A.6), but for the selection
-    of checkpoints.
+    and kept beside the store. Defaults are the published code's (docs/facts/motion_matching.md,
+    section 6), but for the selection of checkpoints.
 
     Logs, unweighted, ``train/critic`` (what the critic makes small: generated less real),
     ``train/penalty``, ``train/adversarial`` and ``train/reconstruction``.
@@ -253,7 +253,10 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
         ]
 
     def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor]:
-        """One critic update, and a generator update before every fifth (spec A.6)."""
+        """One critic update, and a generator update before every fifth.
+
+        See docs/facts/motion_matching.md, section 6.
+        """
         generator_optimizer, critic_optimizer = cast(list[LightningOptimizer], self.optimizers())
         speech = self.scales.speech(batch.require("cepstra"))
         real = self.scales.poses(batch.require("poses"))
@@ -298,8 +301,8 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     def derived_values(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
         """The criterion that selects checkpoints: FGD times the seam's distance from 1, as ratio.
 
-        Both are of held-out windows, and neither can be bought with the other (spec D, decision
-        11).
+        Both are of held-out windows, and neither can be bought with the other
+        (docs/facts/motion_matching.md, section 10, decision 11).
         """
         seam = self.seam()
         return {"selection": values["fgd"] * max(seam, 1 / max(seam, 1e-9))}

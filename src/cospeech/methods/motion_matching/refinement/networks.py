@@ -1,4 +1,6 @@
-"""Generator and critic of the refinement (Habibie et al. 2022, section 3.2; spec A.6).
+"""Generator and critic of the refinement (Habibie et al. 2022, section 3.2).
+
+See docs/facts/motion_matching.md, section 6.
 
 Both are convolutions over time. Numbers of channels are those of the published code, or multiples
 of a smaller width.

@@ -1,7 +1,7 @@
 """Making what the refinement learns from: motion matched to windows that have motion of their own.
 
-Every overlapping window of the training split is searched with its own sound (section 3.3; spec
-A.6).
+Every overlapping window of the training split is searched with its own sound (section 3.3;
+docs/facts/motion_matching.md, section 6).
 """
 
 from __future__ import annotations
