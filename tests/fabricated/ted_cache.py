@@ -1,4 +1,7 @@
-"""What the published preprocessing of the TED set caches for a clip (trimodal spec 3.6)."""
+"""What the published preprocessing of the TED set caches for a clip.
+
+See docs/facts/trimodal.md, section 3.6.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,7 +22,7 @@ PUBLISHED_MEAN_DIRECTION = (
     0.9271948, 0.2960011, -0.013189, 0.5233978, 0.8092403, 0.0725451,
     -0.2037076, 0.1924306, 0.8196916,
 )  # fmt: skip
-"""Mean direction vector of the training poses (spec 3.2)."""
+"""Mean direction vector of the training poses (docs/facts/trimodal.md, section 3.2)."""
 
 
 def direction_vectors(poses: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from cospeech.metrics.window_metric import MeanOverWindows
 
 
 class AccelerationError(MeanOverWindows):
-    """Mean absolute difference of second frame differences (spec 4.3).
+    """Mean absolute difference of second frame differences (docs/facts/trimodal.md, section 4.3).
 
     In metres per squared frame, as published: compare it at one frame rate only.
     """

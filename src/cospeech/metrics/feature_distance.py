@@ -10,7 +10,9 @@ from cospeech.metrics.window_metric import MeanOverWindows
 
 
 class FeatureDistance(MeanOverWindows):
-    """Mean L1 distance, summed over dimensions, of paired windows' features (spec 4.2).
+    """Mean L1 distance, summed over dimensions, of paired windows' features.
+
+    See docs/facts/trimodal.md, section 4.2.
 
     Unlike the Fréchet distance it asks for *this* window's motion, so it sees mismatched speech.
     In the encoder's own unit.

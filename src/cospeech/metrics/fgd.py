@@ -18,9 +18,9 @@ from cospeech.metrics.window_metric import WindowMetric
 class FrechetGestureDistance(WindowMetric):
     """Fréchet distance between real and generated windows in a frozen encoder's feature space.
 
-    Yoon et al. 2020, equation 6, with unbiased covariances (spec 4.1). Sums are float64, so the
-    value doesn't depend on batch size or on the number of processes. The encoder's `sha256`
-    belongs next to every value.
+    Yoon et al. 2020, equation 6, with unbiased covariances (docs/facts/trimodal.md, section 4.1).
+    Sums are float64, so the value doesn't depend on batch size or on the number of processes. The
+    encoder's `sha256` belongs next to every value.
     """
 
     title = "FGD"

@@ -10,7 +10,7 @@ from cospeech.metrics.window_metric import MeanOverWindows
 
 
 class JointMAE(MeanOverWindows):
-    """Mean absolute error per joint coordinate, metres (spec 4.3).
+    """Mean absolute error per joint coordinate, metres (docs/facts/trimodal.md, section 4.3).
 
     Args:
         seed_frames: Leading frames that were given to the method and are left out.

@@ -1,4 +1,7 @@
-"""A sample that the published preprocessing of the TED set caches (trimodal spec 3.6)."""
+"""A sample that the published preprocessing of the TED set caches.
+
+See docs/facts/trimodal.md, section 3.6.
+"""
 
 from __future__ import annotations
 
