@@ -12,9 +12,9 @@ from hydra.utils import get_class
 
 from cospeech.errors import CospeechError
 from cospeech.experiment.settings import known_arguments
-from cospeech.speech.audio import save_wav
 from tests.corpora import make_recording, make_store
 from tests.docs.pages import PROJECT, Page, checkout, typed
+from tests.fabricated.sound import save_wav
 
 HOW_TOS = sorted(path.stem for path in (PROJECT / "docs" / "how_to").glob("*.md"))
 
