@@ -40,7 +40,7 @@ class Shifted(GestureMethod):
 
     window = WindowSpec(15, 34, 4, 10)
     needs = frozenset({"positions"})
-    open = None
+    begin = None
 
     def __init__(self, nan_at: int | None = None):
         super().__init__()

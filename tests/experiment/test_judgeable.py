@@ -58,7 +58,7 @@ class LongEnough(Still):
 
 
 class Windowless(FittedWithoutSteps):
-    fit_to_corpus = sample = open = None
+    fit_to_corpus = sample = begin = None
 
     def __init__(self, corpus):
         super().__init__()

@@ -70,7 +70,7 @@ class Scaled(GestureMethod):
     """Real motion, larger or smaller around the mean pose, its joints in another order."""
 
     window = WindowSpec(20.0, 100, 0, 100)
-    sample = open = None
+    sample = begin = None
 
     def border_frames(self):
         return 100

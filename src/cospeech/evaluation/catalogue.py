@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import inspect
 import json
@@ -82,7 +83,7 @@ class Catalogue:
                 sides aren't of the same speech.
         """
         copies = {
-            name: metric.clone()
+            name: copy.deepcopy(metric)
             for name, metric in self._metrics.items()
             if metric.compares != without
         }
