@@ -31,6 +31,7 @@ class Still(FittedWithoutSteps):
 
     def __init__(self, corpus, width=0.2):
         super().__init__()
+        self.speakers = list(corpus["speakers"])
         self.save_hyperparameters()
         self.register_buffer("pose", torch.linspace(0, width, 30).reshape(10, 3))
 
@@ -41,7 +42,7 @@ class Still(FittedWithoutSteps):
         poses = self.pose.expand(*batch.require("energy").shape[:2], 10, 3)
         return at_evaluation_rate(poses, self.window.fps)
 
-    def open(self, speaker=None, controls=None, seed_motion=None, generator=None):
+    def begin(self, speaker, controls, seed_motion, generator):
         return WholeUtterance(self._still)
 
     def _still(self, speech):
@@ -133,7 +134,7 @@ def test_samples_of_another_length_than_the_evaluation_frames_are_named(prepared
         (Short, "44 frames at 20 fps hold 33 frames at 15 fps", "windows of 45 frames or more"),
         (Windowless, "has no window and no needs", "a WindowSpec"),
         (Unsaved, "would lack corpus", "save_hyperparameters"),
-        (Mute, "abstract class Mute .*open", "mend"),
+        (Mute, "abstract class Mute .*begin", "mend"),
     ],
 )
 def test_what_could_not_be_judged_is_refused_before_the_corpus_is_prepared(

@@ -183,7 +183,7 @@ def test_real_motion_and_half_of_it(store, held_out, classifier, tmp_path, capsy
     assert value(half, "fgd") > 10 * abs(value(full, "fgd"))
     answers = {finding["claim"][:41]: finding["answer"] for finding in kept["findings"]}
     assert answers["the mean squared error alone gives slow, "] == "holds as far as run"
-    assert (tmp_path / "figures.html").read_text().count("<svg") > 10
+    assert (tmp_path / "figures.html").read_text().count("<svg") > 5
     printed = capsys.readouterr().out
     assert "wrist velocity, cm/s" in printed
     assert str(tmp_path / "figures.html") in printed
