@@ -292,6 +292,8 @@ NO_READERS = {
     "experiment.finished_run": "opens records and checkpoints as readers above do",
     "experiment.typed": "the project's own settings",
     "nn.checkpoints": "opens checkpoints as a reader above does",
+    "formats.npz_file": "opens what the readers of Berkeley's data above give it",
+    "reporting.charts": "what matplotlib has just drawn",
     "doctor.reading": "opens what the readers above open",
     "formats.mocap.reading": "opens what the readers above open",
     "formats.mocap.side_files": "opens what the readers above open",

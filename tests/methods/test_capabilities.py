@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "src" / "cospeech"
 UPPER = sorted(
     path
-    for room in ("experiment", "studies", "reporting", "encoders.py", "evaluation.py")
+    for room in ("experiment", "studies", "reporting", "encoders.py", "evaluation")
     for path in [PACKAGE / room, *(PACKAGE / room).rglob("*.py")]
     if path.suffix == ".py"
 ) + sorted((ROOT / "callbacks").glob("*.py"))
