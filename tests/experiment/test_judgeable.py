@@ -132,7 +132,7 @@ def test_samples_of_another_length_than_the_evaluation_frames_are_named(prepared
     ("method", "problem", "help"),
     [
         (Short, "44 frames at 20 fps hold 33 frames at 15 fps", "windows of 45 frames or more"),
-        (Windowless, "has no window and no needs", "a WindowSpec"),
+        (Windowless, "has no window or no needs", "a WindowSpec"),
         (Unsaved, "would lack corpus", "save_hyperparameters"),
         (Mute, "abstract class Mute .*begin", "mend"),
     ],

@@ -223,6 +223,8 @@ controls:
 when_empty: previous
 """
 
+_BERKELEY = ("formats.berkeley", "formats.npz_file")
+
 READERS: dict[str, Reader] = {
     "weights": Reader(_weights, seeds.weights, ("nn.weights_file",)),
     "checkpoint": Reader(_checkpoint, seeds.checkpoints, ("nn.weights_file",)),
@@ -270,9 +272,9 @@ READERS: dict[str, Reader] = {
         ("formats.trinity_offsets",),
     ),
     "uci": Reader(_uci, seeds.uci, ("formats.uci_phases", "formats.uci_table")),
-    "berkeley keypoints": Reader(_berkeley_2d, seeds.berkeley_tables, ("formats.berkeley",)),
-    "berkeley samples": Reader(_berkeley_2d, seeds.berkeley_samples, ("formats.berkeley",)),
-    "berkeley 3-D": Reader(_berkeley_3d, seeds.berkeley_3d, ("formats.berkeley",)),
+    "berkeley keypoints": Reader(_berkeley_2d, seeds.berkeley_tables, _BERKELEY),
+    "berkeley samples": Reader(_berkeley_2d, seeds.berkeley_samples, _BERKELEY),
+    "berkeley 3-D": Reader(_berkeley_3d, seeds.berkeley_3d, _BERKELEY),
     "ted": Reader(_ted, seeds.ted, ("formats.lmdb_values", "formats.ted_lmdb")),
     "ted samples": Reader(
         _ted_samples, seeds.ted_samples, ("formats.lmdb_values", "formats.ted_lmdb")
@@ -292,7 +294,6 @@ NO_READERS = {
     "experiment.finished_run": "opens records and checkpoints as readers above do",
     "experiment.typed": "the project's own settings",
     "nn.checkpoints": "opens checkpoints as a reader above does",
-    "formats.npz_file": "opens what the readers of Berkeley's data above give it",
     "reporting.charts": "what matplotlib has just drawn",
     "doctor.reading": "opens what the readers above open",
     "formats.mocap.reading": "opens what the readers above open",

@@ -136,6 +136,7 @@ class WindowLoader:
         self.sampler.first_batch = state["next_batch"]
 
 
+@runtime_checkable
 class WindowReader(Protocol):
     """Anything that works on windows: a method, or a network that judges motion.
 

@@ -7,6 +7,7 @@ import math
 from lightning import LightningModule
 
 from cospeech.corpus.features.positions import evaluation_frames
+from cospeech.corpus.window_loader import WindowReader
 from cospeech.errors import ConfigError
 from cospeech.experiment.plain_arguments import argument_names
 from cospeech.methods.base import GestureMethod
@@ -25,9 +26,9 @@ def refuse_unjudgeable(name: str, method: LightningModule) -> None:
             those that motion is judged by; or its checkpoints lack arguments of its constructor.
     """
     kind = type(method)
-    if missing := [each for each in ("window", "needs") if not hasattr(method, each)]:
+    if not isinstance(method, WindowReader):
         raise ConfigError(
-            f"model={name}: {kind.__name__} has no {' and no '.join(missing)}",
+            f"model={name}: {kind.__name__} has no window or no needs",
             "say which windows it works on (a WindowSpec) and the names of the fields it reads",
         )
     if not isinstance(method, GestureMethod):
