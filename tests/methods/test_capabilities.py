@@ -46,7 +46,7 @@ def faults(source: str) -> list[str]:
             probes = node.func.id in ("hasattr", "getattr", "setattr")
             if (asks or probes) and _called(node.args[0]) in METHODS:
                 of = {_called(item) for item in ast.walk(node.args[1])} - {None}
-                if probes or not of <= {*CAPABILITIES, "DictConfig"}:
+                if probes or not of <= {*CAPABILITIES, "DictConfig", "WindowReader"}:
                     found.append(f"{node.lineno}: {ast.unparse(node)}")
     return found
 
