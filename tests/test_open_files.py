@@ -22,7 +22,6 @@ GUARDED = {
     "formats/berkeley/audio.py": "asks require_no_pipe first",
     "formats/npz_file.py": "the archive comes from open_file",
     "methods/base.py": "opens a stream of motion",
-    "methods/trimodal/module.py": "opens a stream of motion",
     "motion/bvh_rows.py": "bytes in memory",
     "motion/joint_map.py": "the package's own maps",
     "nn/weights_file.py": "asks whether it is a file first",
