@@ -136,6 +136,9 @@ class Catalogue:
             CospeechError: Fewer than two windows on a side.
         """
         metrics, count, side = self.fresh(without), 0, real
+        for metric in metrics.values():
+            # A row is one process's own work; of a distributed run the others may have gone.
+            metric.distributed_available_fn = _by_itself
         for batch in generated:
             for metric in metrics.values():
                 metric.update(batch, side)
@@ -170,6 +173,10 @@ def values_of(metrics: Mapping[str, WindowMetric]) -> dict[str, Tensor]:
         value = metric.compute()
         values |= value if isinstance(value, dict) else {name: value}
     return values
+
+
+def _by_itself() -> bool:
+    return False
 
 
 def _source(kind: type) -> str:
