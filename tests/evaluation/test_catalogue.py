@@ -1,11 +1,15 @@
 """A metric that one line of yaml names stands everywhere, and reads what the method doesn't."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
+import yaml
+from hydra.utils import instantiate
 
 from callbacks.evaluate_fgd import EvaluateFGD
 from cospeech.corpus.batch import GestureBatch
@@ -18,6 +22,7 @@ from cospeech.evaluation import (
     reference_rows,
     standard_catalogue,
 )
+from cospeech.evaluation.catalogue import values_of
 from cospeech.evaluation.epochs import cut_field
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.fgd import FrechetGestureDistance
@@ -137,6 +142,39 @@ def test_the_table_has_its_column_with_its_arrow():
     assert "joint error, m ↓" in heading
     assert "loudness, full scale ↑" in heading
     assert all(line.rstrip().endswith("0.2500") for line in lines[2:5])
+
+
+def test_what_python_takes_by_default_is_what_the_yaml_names():
+    path = Path(__file__).resolve().parents[2] / "conf" / "metrics" / "default.yaml"
+    named = instantiate(yaml.safe_load(path.read_text())["catalogue"])
+    assert standard_catalogue().digest == Catalogue(named).digest
+
+
+def test_a_row_asks_no_other_process(store, encoder):
+    """Of a distributed run one process makes the rows, when the others may have gone."""
+
+    def asked(*arguments, **options):
+        raise AssertionError("another process was asked")
+
+    metric = FrechetGestureDistance()
+    metric.distributed_available_fn, metric.dist_sync_fn = (lambda: True), asked
+    alone = Catalogue({"fgd": metric})
+    assert "fgd" in reference_rows(store, encoder, "val", 3, alone)["noise"]
+    with pytest.raises(AssertionError, match="another process"):
+        values_of(alone.fresh())
+
+
+def test_what_a_metric_can_not_read_is_not_judged(tmp_path, encoder):
+    takes = [make_recording(f"take{i}", seconds=8, seed=i) for i in range(5)]
+    takes[1] = replace(takes[1], speech=replace(takes[1].speech, waveform=np.zeros(0, "f4")))
+    store = make_store(tmp_path, takes)
+    store.splits["test"] = store.splits["train"]
+    rows = [
+        reference_rows(store, encoder, "test", 0, Catalogue(metrics))["noise"]
+        for metrics in ({"joint_mae": JointMAE()}, {"loudness": Loudness()})
+    ]
+    windows_each = rows[0]["windows"] / len(store.splits["train"])
+    assert rows[1]["windows"] == rows[0]["windows"] - windows_each
 
 
 def test_anything_else_in_the_catalogue_is_refused():

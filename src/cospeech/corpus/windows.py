@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -203,22 +203,39 @@ class WindowDataset:
         spans = store.splits[split]
         if spec.pieces is not None and split != "test":
             spans = spans_by_pieces(store, split, spec.pieces, with_sound="sound" in reads)
-        if "sound" in reads:
-            spans = store.spans_with_sound(spans, f"{split} windows")
-        if "rotations" in reads:
-            spans = self._having("rotations", spans)
-        if "phases" in reads and (split == "train" or not spec.unlabelled):
-            annotated = self._having("phases", spans)
-            spans = spans if spec.unlabelled else annotated
+        if not spec.unlabelled:
+            return spans_having(store, split, spans, reads)
+        spans = spans_having(store, split, spans, reads - {"phases"})
+        if split == "train":
+            spans_having(store, split, spans, reads & {"phases"})  # of one recording at least
         return spans
 
-    def _having(self, what: Literal["rotations", "phases"], spans: list[Span]) -> list[Span]:
-        """The spans of recordings that have it; refused where none has."""
-        column = self.store.recordings.columns[f"has_{what}"]
-        having = [span for span in spans if column[span.recording]]
-        if spans and not having:
-            refuse_lacking("the method", [what], f"{self.store.name} ({self.split})", [what])
-        return having
+
+def spans_having(
+    store: Store, split: str, spans: Sequence[Span], reads: Collection[FieldSource]
+) -> list[Span]:
+    """The spans of recordings that have what fields are made from.
+
+    Args:
+        store: The corpus.
+        split: The split that the spans are of.
+        spans: Which stretches.
+        reads: What the fields are made from (`cospeech.corpus.features`).
+
+    Raises:
+        ConfigError: There are spans, and none has it.
+    """
+    if "sound" in reads:
+        spans = store.spans_with_sound(spans, f"{split} windows")
+    annotations: tuple[FieldSource, ...] = ("rotations", "phases")
+    for what in annotations:
+        if what in reads:
+            column = store.recordings.columns[f"has_{what}"]
+            having = [span for span in spans if column[span.recording]]
+            if spans and not having:
+                refuse_lacking("what is asked for", [what], f"{store.name} ({split})", [what])
+            spans = having
+    return list(spans)
 
 
 def _lacks(store: Store) -> set[FieldSource]:

@@ -13,7 +13,7 @@ from cospeech.corpus.features.field import FrameField
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.corpus.tracks import Tracks
-from cospeech.corpus.windows import WindowDataset, WindowSpec
+from cospeech.corpus.windows import WindowDataset, WindowSpec, spans_having
 from cospeech.errors import CospeechError
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.evaluation_windows import EvaluationWindows, to_evaluation_windows
@@ -101,6 +101,17 @@ def encoded_windows(
     served = WindowDataset(store, split, WINDOW, needs, tracks, np.array(places))
     fields = served.batch(range(len(served))).fields
     return EvaluationWindows(positions, features, fields)
+
+
+def with_fields(
+    store: Store, split: str, spans: Sequence[Span], needs: frozenset[str]
+) -> list[Span]:
+    """The stretches of recordings that have what the metrics read.
+
+    Raises:
+        ConfigError: There are stretches, and none has it.
+    """
+    return spans_having(store, split, spans, {field.reads for field in fields_of(needs)})
 
 
 def long_enough(store: Store, split: str) -> list[Span]:

@@ -7,7 +7,7 @@ import torch
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.evaluation.catalogue import Catalogue
-from cospeech.evaluation.real_windows import judged_windows, long_enough, too_little
+from cospeech.evaluation.real_windows import judged_windows, long_enough, too_little, with_fields
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.evaluation_windows import to_evaluation_windows
@@ -45,7 +45,8 @@ def evaluate_recordings(
     spans = long_enough(store, split)
     if not spans:
         raise too_little(store, store.splits[split], 0)
-    spans = store.spans_with_sound(spans, f"{split} recordings")[:limit]
+    spans = store.spans_with_sound(spans, f"{split} recordings")
+    spans = with_fields(store, split, spans, catalogue.needs)[:limit]
     real, ids = judged_windows(store, split, spans, encoder, catalogue.needs)
     generated = []
     training = method.training

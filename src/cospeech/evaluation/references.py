@@ -22,6 +22,7 @@ from cospeech.evaluation.real_windows import (
     judged_windows,
     long_enough,
     real_windows,
+    with_fields,
 )
 from cospeech.foreign import read_json, understood
 from cospeech.metrics import disturbances
@@ -55,7 +56,7 @@ def reference_rows(
         encoder: The evaluation space.
         split: ``"val"`` or ``"test"``.
         seed: Of the rows' noise and mismatch.
-        catalogue: The metrics.
+        catalogue: The metrics; recordings that lack what they read are left out.
     """
     made = f"{encoder.sha256[:12]}-{catalogue.digest[:8]}-s{seed}-v{PROTOCOL_VERSION}"
     path = store.path / "references" / f"{split}-{made}.json"
@@ -63,10 +64,11 @@ def reference_rows(
     if kept is not None:
         return kept
     needs = catalogue.needs
-    real, ids = judged_windows(store, split, store.splits[split], encoder, needs)
+    judged = with_fields(store, split, store.splits[split], needs)
+    real, ids = judged_windows(store, split, judged, encoder, needs)
     train = (
         encoded_windows(store, "train", spans, real_windows(store, spans)[0], encoder, needs)
-        for spans in _groups(long_enough(store, "train"))
+        for spans in _groups(with_fields(store, "train", long_enough(store, "train"), needs))
     )
     rows = rows_of(encoder, train, real, ids, seed, catalogue)
     write_json(path, rows)
