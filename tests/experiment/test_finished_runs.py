@@ -278,9 +278,10 @@ def test_a_study_of_a_corpus_takes_no_run(outputs, run, tmp_path):
 
 def test_a_corpus_that_is_given_has_to_be_the_runs(outputs, run, tmp_path, monkeypatch):
     typed = ["run=x", "data=mocap", "+data.root=a", "data.store_dir=b", "metrics.encoder=c"]
+    typed += ["+metrics.catalogue.mine._target_=d"]
     monkeypatch.setattr(own_or_given, "_overrides", lambda: typed)
     assert own_or_given.given("data", "store_dir") == ["data=mocap", "+data.root=a"]
-    assert own_or_given.given("metrics") == ["metrics.encoder=c"]
+    assert own_or_given.given("metrics", "catalogue") == ["metrics.encoder=c"]
     assert own_or_given.given("dat") == []
     other = SimpleNamespace(prepare_store=lambda: SimpleNamespace(fingerprint=64 * "1"))
     monkeypatch.setattr(own_or_given, "build", lambda _: other)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.manifest import write_manifest
-from cospeech.corpus.splits import SPLITS, Span
+from cospeech.corpus.splits import SPLITS, Span, in_groups
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.motion.upper_body import UPPER_BODY
@@ -34,8 +34,10 @@ def upper_body_statistics(
     direction_sum, length_sum, count = np.zeros((9, 3)), np.zeros(9), 0
     parents = list(UPPER_BODY.parents[1:])
     upper_body = np.asarray(upper_body)  # slices of a memory map are slow to make
-    for rows in _row_groups(first_rows, spans):
-        positions = np.concatenate([upper_body[start:stop] for start, stop in rows], dtype="f8")
+    for group in in_groups(spans, FRAMES_AT_ONCE):
+        firsts = [int(first_rows[span.recording]) for span in group]
+        rows = [slice(f + span.start, f + span.stop) for f, span in zip(firsts, group, strict=True)]
+        positions = np.concatenate([upper_body[chosen] for chosen in rows], dtype="f8")
         bones = positions[:, 1:] - positions[:, parents]
         lengths = np.sqrt(np.einsum("tjc,tjc->tj", bones, bones))
         # As `cospeech.motion.codecs.direction_vectors`: a bone without length has no direction.
@@ -46,23 +48,6 @@ def upper_body_statistics(
         "mean_direction": (direction_sum / count).reshape(27).tolist(),
         "bone_lengths": (length_sum / count).tolist(),
     }
-
-
-def _row_groups(
-    first_rows: NDArray[np.int64], spans: Sequence[Span]
-) -> Iterator[list[tuple[int, int]]]:
-    """First row and row after the last of each span, in groups of about `FRAMES_AT_ONCE` rows."""
-    group: list[tuple[int, int]] = []
-    frames = 0
-    for span in spans:
-        first = int(first_rows[span.recording])
-        group.append((first + span.start, first + span.stop))
-        frames += span.stop - span.start
-        if frames >= FRAMES_AT_ONCE:
-            yield group
-            group, frames = [], 0
-    if group:
-        yield group
 
 
 def split_facts(

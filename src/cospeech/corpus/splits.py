@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,20 @@ class Span:
     recording: int
     start: int
     stop: int
+
+
+def in_groups(spans: Iterable[Span], frames: int) -> Iterator[list[Span]]:
+    """Spans in order, in groups of at least so many frames, but the last."""
+    group: list[Span] = []
+    count = 0
+    for span in spans:
+        group.append(span)
+        count += span.stop - span.start
+        if count >= frames:
+            yield group
+            group, count = [], 0
+    if group:
+        yield group
 
 
 def published_spans(

@@ -13,7 +13,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from cospeech.corpus.splits import Span
+from cospeech.corpus.splits import in_groups
 from cospeech.corpus.store import Store
 from cospeech.errors import InputFileError
 from cospeech.evaluation.catalogue import Catalogue
@@ -43,7 +43,7 @@ NOISE_VARIANCE = 0.001
 ATTENUATION = 0.8
 """Amplitude left in the attenuated row."""
 FRAMES_AT_ONCE = 10_000
-"""Training frames whose windows are in memory together."""
+"""Training frames in memory together: to encode a short span by itself is slow."""
 
 
 def reference_rows(
@@ -66,9 +66,10 @@ def reference_rows(
     needs = catalogue.needs
     judged = with_fields(store, split, store.splits[split], needs)
     real, ids = judged_windows(store, split, judged, encoder, needs)
+    heard = with_fields(store, "train", long_enough(store, "train"), needs)
     train = (
         encoded_windows(store, "train", spans, real_windows(store, spans)[0], encoder, needs)
-        for spans in _groups(with_fields(store, "train", long_enough(store, "train"), needs))
+        for spans in in_groups(heard, FRAMES_AT_ONCE)
     )
     rows = rows_of(encoder, train, real, ids, seed, catalogue)
     write_json(path, rows)
@@ -159,20 +160,6 @@ def rows_of(
         moved = real.moving(positions, encoder.encode_all(positions))
         rows[name] = catalogue.row(moved, real, recording_ids=recording_ids, seed=seed)
     return rows
-
-
-def _groups(spans: list[Span]) -> Iterator[list[Span]]:
-    """Spans in groups of about `FRAMES_AT_ONCE`: to encode a short one by itself is slow."""
-    group: list[Span] = []
-    frames = 0
-    for span in spans:
-        group.append(span)
-        frames += span.stop - span.start
-        if frames >= FRAMES_AT_ONCE:
-            yield group
-            group, frames = [], 0
-    if group:
-        yield group
 
 
 def _recording_numbers(recording_ids: Sequence[Hashable]) -> Tensor:

@@ -25,7 +25,7 @@ def given(group: str, *but: str) -> list[str]:
         but: Keys of it that don't count.
     """
     of_group = re.compile(rf"[+~]*{group}(?:$|[.=@])")
-    others = tuple(f"{group}.{key}=" for key in but)
+    others = tuple(f"{group}.{key}{end}" for key in but for end in "=.")
     return [o for o in _overrides() if of_group.match(o) and not o.lstrip("+").startswith(others)]
 
 
@@ -62,7 +62,8 @@ def encoder_of(
 ) -> tuple[GestureEncoder, DictConfig]:
     """The encoder that a run is judged with, and the settings of the judging.
 
-    They are the run's own, or the command's where it gives any (``metrics...``).
+    They are the run's own, or the command's where it gives any (``metrics...``); which metrics
+    there are is always the command's.
 
     Args:
         run: The run.
@@ -73,7 +74,7 @@ def encoder_of(
         ConfigError: The run's own encoder isn't kept any more, and isn't the usual one.
     """
     metrics = cfg.metrics
-    if not given("metrics"):
+    if not given("metrics", "catalogue"):
         # Values that were checked; a config made of them has no resolver to call.
         metrics = OmegaConf.create({**metrics, **run.metrics})
         # How long an encoder is trained is not for a record to say.
@@ -94,7 +95,7 @@ def _own_encoder(run: FinishedRun, cfg: DictConfig) -> list[str]:
     """
     own = {**cfg.metrics, **run.metrics}
     trained = [key for key in own if key.startswith("encoder")]
-    if given("metrics") or own["encoder"] != "trained":
+    if given("metrics", "catalogue") or own["encoder"] != "trained":
         return []
     if all(own[key] == cfg.metrics[key] for key in trained):
         return []
