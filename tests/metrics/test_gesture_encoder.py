@@ -104,6 +104,20 @@ def test_hash_covers_weights_mean_and_axes_but_not_the_source(encoder):
     assert GestureEncoder(PoseAutoencoder(), mean, TED_AXES).sha256 != encoder.sha256
 
 
+def test_the_window_that_is_not_finite_is_named(encoder):
+    positions = windows()
+    positions[3, 2, 1, 0] = float("nan")
+    for encode in (encoder.encode_positions, encoder.encode_all):
+        with pytest.raises(ValueError, match="window 3 of the batch has"):
+            encode(positions)
+
+
+def test_any_number_of_windows_is_encoded_batch_by_batch(encoder):
+    positions = windows(7)
+    together = encoder.encode_positions(positions)
+    torch.testing.assert_close(encoder.encode_all(positions, batch_size=3), together)
+
+
 def test_other_window_lengths_are_refused(encoder):
     with pytest.raises(ValueError, match=r"34 frames x 27 numbers, got \(2, 60, 27\)"):
         encoder(torch.zeros(2, 60, 27))
