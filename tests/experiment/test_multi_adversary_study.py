@@ -60,7 +60,7 @@ def test_ablations_over_seeds_and_their_figures(tmp_path):
     shutil.rmtree(folder.with_name("again"))
     last = folder / "checkpoints" / "last.ckpt"
     content = torch.load(last, weights_only=True)
-    content["multi_adversary"]["progress"] |= {"stage": "adversarial", "step": 1}
+    content["stages"] |= {"stage": "adversarial", "step": 1}
     torch.save(content, last)
     refused = command_line.run(tmp_path, *study, script="evaluate.py")
     assert refused.returncode == 1
