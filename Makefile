@@ -49,7 +49,7 @@ test: $(DEV)
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadgroup -q
 
 slow: $(DEV)
-	$(BIN)/python -m pytest -m slow -q
+	$(BIN)/python -m pytest -m slow -n 2 --dist loadscope -q
 
 lint: $(DEV)
 	$(BIN)/ruff check .

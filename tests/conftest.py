@@ -23,6 +23,20 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport():
+    """Let what a test printed be sent to another process.
+
+    Hostile names contain halves of characters; a worker of xdist that has to encode one dies.
+    """
+    report = yield
+    report.sections = [
+        (title, printed.encode("utf-8", "backslashreplace").decode("utf-8"))
+        for title, printed in report.sections
+    ]
+    return report
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Folder of reference data beside the checkout; the test skips where it is absent."""
