@@ -104,6 +104,22 @@ def test_rows_hold_what_means_something_in_them(store, encoder):
         assert {"fgd", "joint_mae", "loudness", "windows"} <= rows[name].keys()
 
 
+class OtherSound(MeanOverWindows):
+    """How far the sound that motion was made for is from the sound that was recorded with it."""
+
+    title, unit = "other sound", "full scale"
+    needs = frozenset({"audio"})
+    compares = "pairs"
+
+    def mean(self, generated, real):
+        return (generated.fields["audio"] - real.fields["audio"]).abs().double().mean()
+
+
+def test_mismatched_motion_is_judged_as_if_made_for_the_speech_it_is_beside(store, encoder):
+    rows = reference_rows(store, encoder, "test", 0, Catalogue({"other_sound": OtherSound()}))
+    assert rows["mismatched"]["other_sound"] == 0
+
+
 def test_rows_are_kept_for_their_metrics(store, encoder):
     rows = reference_rows(store, encoder, "val", 0, CATALOGUE)
     others = reference_rows(store, encoder, "val", 0, Catalogue({"fgd": FrechetGestureDistance()}))

@@ -13,7 +13,7 @@ from cospeech.errors import CospeechError
 from cospeech.experiment import run
 from cospeech.experiment.failures import as_sentence
 from cospeech.experiment.judgeable import refuse_unjudgeable
-from cospeech.methods.capabilities import FittedWithoutSteps
+from cospeech.methods.fitted import FittedWithoutSteps
 from cospeech.methods.streams import WholeUtterance
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY

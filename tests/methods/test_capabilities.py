@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cospeech.methods import base, capabilities
+from cospeech.methods import base, capabilities, fitted
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "src" / "cospeech"
@@ -16,12 +16,12 @@ UPPER = sorted(
     if path.suffix == ".py"
 ) + sorted((ROOT / "callbacks").glob("*.py"))
 
-OPEN_ROOMS = ("cospeech.methods.base", "cospeech.methods.capabilities")
+OPEN_ROOMS = ("cospeech.methods.base", "cospeech.methods.capabilities", "cospeech.methods.fitted")
 """What of the methods may be imported."""
 
 CAPABILITIES = {
     name
-    for module in (base, capabilities)
+    for module in (base, capabilities, fitted)
     for name, value in vars(module).items()
     if isinstance(value, type) and value.__module__ == module.__name__
 }

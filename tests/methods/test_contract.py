@@ -20,8 +20,9 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import CospeechError
 from cospeech.evaluation import standard_catalogue
-from cospeech.methods.base import GestureMethod, TakesControls
-from cospeech.methods.capabilities import FittedWithoutSteps, MakesStages
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.capabilities import MakesStages, TakesControls
+from cospeech.methods.fitted import FittedWithoutSteps
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames

@@ -42,7 +42,8 @@ from cospeech.experiment.stopping import (
     stopped_like_ctrl_c,
 )
 from cospeech.methods.base import GestureMethod
-from cospeech.methods.capabilities import FittedWithoutSteps, HandsOverEncoder
+from cospeech.methods.capabilities import HandsOverEncoder
+from cospeech.methods.fitted import FittedWithoutSteps
 from cospeech.metrics.encoder import GestureEncoder, save_encoder
 from cospeech.nn.checkpoints import LAST, is_kept
 from cospeech.quoting import setting

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar
 
 import torch
 from lightning import LightningModule
-from torch import Tensor, nn
+from torch import Tensor
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import ConfigError, CospeechError
-from cospeech.methods.streams import Stream, check_seed_motion
+from cospeech.errors import ConfigError
+from cospeech.methods.capabilities import TakesControls
+from cospeech.methods.streams import Stream, check_seed_motion, check_speaker
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
-
-
-@runtime_checkable
-class TakesControls(Protocol):
-    """A method whose motion can be asked to be like something."""
-
-    def parse_controls(self, values: Any) -> Any:
-        """Check what `GestureMethod.open` is given as controls, and return it as it is used.
-
-        Args:
-            values: Plain values, as a yaml or JSON file holds them.
-
-        Raises:
-            CospeechError: Something isn't understood; the message says what is.
-        """
 
 
 class GestureMethod(LightningModule, ABC):
@@ -92,21 +76,15 @@ class GestureMethod(LightningModule, ABC):
             CospeechError: An unknown speaker, controls that the method doesn't take or can't read,
                 or a motion that it can't continue.
         """
-        if speaker is not None and speaker not in self.speakers:
-            shown = ", ".join(self.speakers[:20]) + (" ..." if len(self.speakers) > 20 else "")
-            raise CospeechError(
-                f"no training speaker {speaker!r} among {len(self.speakers)}",
-                f"choose one of: {shown}",
-            )
+        check_speaker(speaker, self.speakers)
         if isinstance(self, TakesControls):
             controls = None if controls is None else self.parse_controls(controls)
         elif controls:
             wanted = f"a {type(self).__name__} takes no controls: {controls!r:.80}"
             raise ConfigError(wanted, "leave controls out")
-        if seed_motion is not None:
-            check_seed_motion(seed_motion, self.window)
-        generator = generator or torch.Generator().manual_seed(0)
-        return self.begin(speaker, controls, seed_motion, generator)
+        check_seed_motion(seed_motion, self.window)
+        seeded = generator or torch.Generator().manual_seed(0)
+        return self.begin(speaker, controls, seed_motion, seeded)
 
     @abstractmethod
     def begin(
@@ -157,31 +135,14 @@ class GestureMethod(LightningModule, ABC):
     def read_files(self) -> None:
         """Read the files that the settings name, before a new training and anything slow.
 
-        A resumed training has what it needs of them in its checkpoint.
-
-        Raises:
-            CospeechError: One can't be read, or doesn't fit.
+        A resumed training has what it needs of them in its checkpoint. Raises `CospeechError`
+        where one can't be read or doesn't fit.
         """
 
     def derived_values(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Further values of an evaluation, logged beside those it is given.
-
-        Args:
-            values: Name, without the stage, -> value: ``fgd`` and the others of the callback.
-        """
+        """Values of an evaluation to be logged beside those given, by name without the stage."""
         return {}
 
     def test_step(self, batch: GestureBatch, batch_idx: int) -> Tensor:
         """As `validation_step`."""
         return self.validation_step(batch, batch_idx)
-
-
-@contextmanager
-def evaluating(network: nn.Module) -> Iterator[None]:
-    """The network in eval mode inside, and afterwards as it was."""
-    training = network.training
-    network.eval()
-    try:
-        yield
-    finally:
-        network.train(training)

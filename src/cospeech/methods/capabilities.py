@@ -5,7 +5,6 @@ Rooms above the methods ask for one of these by ``isinstance``; they know no met
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
@@ -18,35 +17,24 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.matching.control import Controls
 from cospeech.matching.synthesis import MotionMatcher
-from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Speech
 
 
-class FittedWithoutSteps(GestureMethod):
-    """A method that is fitted to its corpus at once and has no weights to step.
+@runtime_checkable
+class TakesControls(Protocol):
+    """A method whose motion can be asked to be like something."""
 
-    Epochs do nothing but be judged. Lightning saves a checkpoint when a step has been counted, and
-    it counts those of optimizers alone, so a batch is counted as one here.
-    """
+    def parse_controls(self, values: Any) -> Any:
+        """Check what `GestureMethod.open` is given as controls, and return it as it is used.
 
-    @abstractmethod
-    def fit_to_corpus(self) -> None:
-        """Take from the corpus all that is needed; checkpoints hold it as buffers."""
+        Args:
+            values: Plain values, as a yaml or JSON file holds them.
 
-    def on_fit_start(self) -> None:
-        """Fit before the first epoch."""
-        self.fit_to_corpus()
-
-    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
-        """There are none."""
-        return []
-
-    def training_step(self, batch: GestureBatch, batch_idx: int) -> None:
-        """Count the batch."""
-        loop = self.trainer.fit_loop.epoch_loop.manual_optimization
-        loop.optim_step_progress.increment_completed()
+        Raises:
+            CospeechError: Something isn't understood; the message says what is.
+        """
 
 
 @runtime_checkable

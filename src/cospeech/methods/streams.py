@@ -107,13 +107,28 @@ class WholeUtterance(Stream):
         return self._make(Speech(np.concatenate(self._pieces), words))
 
 
-def check_seed_motion(motion: Motion, window: WindowSpec) -> None:
+def check_speaker(speaker: str | None, speakers: Sequence[str]) -> None:
+    """Refuse a speaker whom the training didn't have.
+
+    Raises:
+        CospeechError: Such a one was named.
+    """
+    if speaker is not None and speaker not in speakers:
+        shown = ", ".join(speakers[:20]) + (" ..." if len(speakers) > 20 else "")
+        raise CospeechError(
+            f"no training speaker {speaker!r} among {len(speakers)}", f"choose one of: {shown}"
+        )
+
+
+def check_seed_motion(motion: Motion | None, window: WindowSpec) -> None:
     """Refuse a motion that a method can't continue, before anything is heard.
 
     Raises:
         CospeechError: The method has no seed frames, or the motion is on other joints, at another
             rate, too short, or holds NaN where it is read.
     """
+    if motion is None:
+        return
     if not window.seed_frames:
         raise CospeechError("this method can't continue a motion", "leave seed_motion out")
     if motion.skeleton.joints != UPPER_BODY.joints or motion.dimensions != 3:

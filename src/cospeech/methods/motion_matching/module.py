@@ -15,7 +15,7 @@ from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
 from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
-from cospeech.methods.capabilities import FittedWithoutSteps
+from cospeech.methods.fitted import FittedWithoutSteps
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.methods.streams import Stream
 from cospeech.motion.motion import Motion

@@ -11,7 +11,7 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.features.acoustics import ACOUSTICS
 from cospeech.corpus.features.positions import at_evaluation_rate
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.methods.base import GestureMethod, evaluating
+from cospeech.methods.base import GestureMethod
 from cospeech.methods.multi_adversary.adversaries import classified
 from cospeech.methods.multi_adversary.players import Players
 from cospeech.methods.multi_adversary.synthesis import (
@@ -26,6 +26,7 @@ from cospeech.methods.streams import WholeUtterance
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.nn.modes import evaluating
 from cospeech.speech.speech import Speech
 
 BEFORE_ADVERSARIAL = 1e9

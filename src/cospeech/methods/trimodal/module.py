@@ -15,7 +15,7 @@ from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import ConfigError, CospeechError, require_choice, require_range
-from cospeech.methods.base import GestureMethod, evaluating
+from cospeech.methods.base import GestureMethod
 from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import seed_input, spread_words
 from cospeech.methods.trimodal.losses import diversity_loss, reconstruction_loss, style_divergence
@@ -38,6 +38,7 @@ from cospeech.methods.trimodal.synthesis import (
 from cospeech.methods.trimodal.words import WordVectorFile, check_dimensions
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
+from cospeech.nn.modes import evaluating
 from cospeech.speech.vocabulary import Vocabulary
 from cospeech.speech.word_vectors import load_word_vectors
 from cospeech.training.losses import WeighedLosses

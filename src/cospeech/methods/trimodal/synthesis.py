@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from cospeech.corpus.windows import WindowSpec
-from cospeech.methods.base import evaluating
 from cospeech.methods.streams import Stream
 from cospeech.methods.trimodal.chunks import (
     blend,
@@ -35,6 +34,7 @@ from cospeech.methods.trimodal.words import (
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.nn.modes import evaluating
 from cospeech.speech.speech import SAMPLE_RATE, Word, covering_frames
 from cospeech.speech.vocabulary import Vocabulary
 

@@ -29,7 +29,6 @@ from cospeech.matching.reference import STEP_FRAMES, Preselect
 from cospeech.matching.seams import Seam
 from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import InitialPose, MatchingSettings
-from cospeech.methods.base import evaluating
 from cospeech.methods.motion_matching.matched import K_NN, MatchedMethod
 from cospeech.methods.motion_matching.refinement.losses import (
     PenaltyPoints,
@@ -43,6 +42,7 @@ from cospeech.methods.motion_matching.refinement.scales import Scales
 from cospeech.methods.motion_matching.refinement.streaming import RefinedStream
 from cospeech.methods.streams import Stream
 from cospeech.motion.skeleton import Skeleton
+from cospeech.nn.modes import evaluating
 from cospeech.speech.feature_sets.sphinx import STATIC_CHANNELS
 from cospeech.speech.speech import Speech
 from cospeech.training.losses import WeighedLosses
