@@ -3,12 +3,15 @@
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows, standard_catalogue
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.moments import recording_moments
+from cospeech.metrics.uncertainty import fgd_interval
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from tests.corpora import REST_POSE, make_recording, make_store
@@ -80,3 +83,46 @@ def test_who_never_spoke_in_the_training_has_no_name(tmp_path):
     store, method = make_store(tmp_path, takes), Still()
     evaluate_recordings(method, store, "test", untrained_encoder(store, 0), METRICS)
     assert method.asked == [(None, 0, False)]
+
+
+class Waving:
+    """Motion of its own for every recording, by its length."""
+
+    training = True
+
+    def eval(self):
+        return self
+
+    def train(self, mode):
+        return self
+
+    def generate(self, speech, speaker, generator):
+        frames = math.ceil(speech.duration * 15)
+        motion = REST_POSE[None].repeat(frames, axis=0)
+        motion[:, 4:] += 0.3 * np.sin(np.arange(frames) * frames / 500)[:, None, None]
+        return Motion(UPPER_BODY, 15.0, motion)
+
+
+def test_the_interval_draws_whole_recordings(tmp_path):
+    seconds = (7, 16, 9, 12)
+    takes = [make_recording(f"take{i}", seconds=s, seed=i) for i, s in enumerate((*seconds, 8, 8))]
+    store = make_store(tmp_path, takes)
+    encoder = MotionAutoencoder(store.facts()).encoder("untrained")
+    row = evaluate_recordings(Waving(), store, "train", encoder, standard_catalogue())
+
+    made, real = [], []
+    for i, length in enumerate(seconds):
+        speech = SimpleNamespace(duration=length)
+        recorded = store.upper_body_motion(store.splits["train"][i])
+        for motions, motion in ((made, Waving().generate(speech, None, None)), (real, recorded)):
+            windows = [
+                motion.positions[first : first + 34] for first in range(0, 15 * length - 33, 10)
+            ]
+            motions.append(encoder.encode_all(torch.from_numpy(np.stack(windows)).float()))
+    ids = [i for i, of_one in enumerate(real) for _ in of_one]
+    expected = fgd_interval(
+        recording_moments(torch.cat(real), ids), recording_moments(torch.cat(made), ids)
+    )
+    assert (row["fgd_low"], row["fgd_high"]) == pytest.approx(
+        (expected.low, expected.high), rel=1e-4
+    )
