@@ -227,6 +227,8 @@ def test_the_record_says_what_was_run_on_what_and_by_what_it_was_judged(finished
     assert record["data_fingerprint"] == ready.store.fingerprint
     (kept,) = ready.store.path.glob("encoders/autoencoder-e1-s0.pt")
     assert record["encoder"] == {"sha256": load_encoder(kept).sha256, "name": "trained"}
+    better = {metric["key"]: metric["better"] for metric in record["metrics"]}
+    assert better == dict.fromkeys(("fgd", "fgd_extrapolated", "kernel_distance", *PAIRED), "lower")
     assert record["hardware"]["device"] == "1 x cpu"
     assert record["timings"].keys() == {
         "prepare_corpus", "encoder", "fit", "test", "test_recordings"

@@ -71,6 +71,12 @@ def test_workers_and_the_place_of_stores_may_differ(tmp_path):
     assert not any("workers" in line or "store_dir" in line for line in told)
 
 
+def test_a_run_may_go_on_with_fewer_metrics(tmp_path):
+    record(tmp_path, "20260101-000000-000000", config())
+    fewer = config("~metrics.catalogue.joint_mae")
+    assert run_folder("run", str(tmp_path), PREFIX, "last", _root_=fewer)
+
+
 @pytest.mark.parametrize("content", ["", '{"identity": "3', "[]"])
 def test_a_damaged_record_is_named_where_no_other_run_fits(tmp_path, content):
     path = tmp_path / f"{PREFIX}-20260102-000000-000000" / "record.json"
