@@ -10,6 +10,7 @@ import torch
 from cospeech.errors import CospeechError
 from cospeech.evaluation import evaluate_recordings, reference_rows, standard_catalogue
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.evaluation_windows import EvaluationWindows
 from cospeech.metrics.moments import recording_moments
 from cospeech.metrics.uncertainty import fgd_interval
 from cospeech.motion.motion import Motion
@@ -126,3 +127,11 @@ def test_the_interval_draws_whole_recordings(tmp_path):
     assert (row["fgd_low"], row["fgd_high"]) == pytest.approx(
         (expected.low, expected.high), rel=1e-4
     )
+
+    def judged(features):
+        return EvaluationWindows(torch.zeros(len(features), 34, 10, 3), features)
+
+    pair = judged(torch.cat(made)), judged(torch.cat(real))
+    row = standard_catalogue().row(*pair, recording_ids=ids, seed=3)
+    moments = (recording_moments(windows.features, ids) for windows in reversed(pair))
+    assert row["fgd_low"] == fgd_interval(*moments, seed=3).low != expected.low
