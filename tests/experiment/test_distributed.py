@@ -53,6 +53,8 @@ def test_two_processes_share_the_windows_and_the_metrics(tmp_path):
     done = command_line.run(
         tmp_path,
         *SMALL,
+        "metrics.encoder=trained",
+        "metrics.encoder_epochs=1",
         "training.epochs=2",
         "model.adversarial_start_epoch=1",
         "model.mean_style=true",

@@ -206,7 +206,8 @@ def test_a_corpus_that_is_gone_is_not_made_again_on_a_strangers_word(outputs, ru
     assert "data=synthetic data.minutes=4 data.speakers=3" in caught.value.hint
     assert "store_dir=/" not in caught.value.hint
     # With the corpus back, the encoder has to be trained again too: all of it is said at once.
-    assert "metrics.encoder_epochs=7 metrics.reference_seed=2 data=" in caught.value.hint
+    own = "metrics.encoder=trained metrics.encoder_epochs=7 metrics.reference_seed=2 data="
+    assert own in caught.value.hint
     assert list(tmp_path.iterdir()) == []
 
 
@@ -262,7 +263,30 @@ def test_an_encoder_that_is_gone_is_not_trained_for_as_long_as_a_record_says(
     write_record(run, record)
     with pytest.raises(ConfigError, match="isn't kept beside") as caught:
         judged(outputs, run, tmp_path, f"outputs_dir={outputs.folder}")
-    assert "metrics.encoder_epochs=1000000000" in caught.value.hint
+    assert "metrics.encoder=trained metrics.encoder_epochs=1000000000" in caught.value.hint
+
+
+@pytest.mark.parametrize(("data", "usual"), [("synthetic", "packaged"), ("mocap", "trained")])
+def test_a_run_is_judged_by_its_own_encoder_or_by_what_is_usual_for_its_corpus(
+    data, usual, outputs, run, monkeypatch
+):
+    record = read_record(run)
+    if data == "mocap":
+        record["config"]["data"] = {"_target_": "data_modules.mocap.MocapData", "root": "x"}
+    by_its_own = {"encoder": "trained", "encoder_epochs": 60}  # as before any was packaged
+    record["config"]["metrics"] |= by_its_own
+    write_record(run, record | {"data": data})
+    monkeypatch.setattr(own_or_given, "chosen_encoder", lambda store, metrics: metrics.encoder)
+    for typed, encoder in (
+        ([], "trained"),
+        (["metrics.reference_seed=3"], usual),
+        (["metrics.reference_seed=3", "data.store_dir=stores"], usual),
+        (["metrics.encoder=mine.pt"], "mine.pt"),
+    ):
+        monkeypatch.setattr(own_or_given, "_overrides", lambda typed=typed: typed)
+        with command("evaluate", f"run={run}", *typed) as cfg:
+            found, metrics = own_or_given.encoder_of(open_run(run), cfg, outputs.store)
+        assert found == metrics.encoder == encoder, typed
 
 
 def test_a_split_that_is_none_is_named_before_anything_slow(outputs, run, tmp_path):

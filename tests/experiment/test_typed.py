@@ -93,7 +93,7 @@ def test_a_setting_that_no_corpus_has_is_named_without_importing_one(monkeypatch
     monkeypatch.setattr(typed, "known_arguments", lambda target: pytest.fail(f"imports {target}"))
     error = refused("model=knn", "data.bogus=1")
     assert error.problem == "data.bogus: there is no such setting"
-    assert str(error.hint).startswith("data knows: batch_size, corpus_seed, max_recordings, minu")
+    assert str(error.hint).startswith("data knows: batch_size, corpus_seed, encoder, max_record")
 
 
 def test_a_callback_may_be_added_if_it_says_what_it_is():

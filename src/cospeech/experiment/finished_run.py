@@ -49,7 +49,7 @@ _METRICS: dict[str, Any] = {
     "encoder_seed": int,
     "reference_seed": int,
 }
-_NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers")
+_NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers", "encoder")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +122,11 @@ class FinishedRun:
                 _to_its_end("checkpoint=last takes the weights as they are"),
             )
         return model
+
+    @property
+    def usual_encoder(self) -> str:
+        """What is usual for judging on the run's corpus, as its yaml says, not the record."""
+        return str(self._corpus.values["encoder"])
 
     def needs_store(self, **given: Any) -> bool:
         """Whether the method looks things up in its corpus, with these arguments of its own."""

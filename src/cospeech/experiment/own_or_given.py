@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import shlex
+from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
@@ -42,7 +44,7 @@ def corpus_of(run: FinishedRun, cfg: DictConfig) -> Store:
     Raises:
         ConfigError: It isn't there, or another is given.
     """
-    settings = given("data", "store_dir", "workers")
+    settings = _given_corpus()
     if not settings:
         typed = ["python", "evaluate.py", *_overrides(), *_own_encoder(run, cfg)]
         command = shlex.join(typed)
@@ -62,8 +64,8 @@ def encoder_of(
 ) -> tuple[GestureEncoder, DictConfig]:
     """The encoder that a run is judged with, and the settings of the judging.
 
-    They are the run's own, or the command's where it gives any (``metrics...``); which metrics
-    there are is always the command's.
+    They are the run's own, or the command's where it gives any (``metrics...``), with what is usual
+    for the run's corpus; which metrics there are is always the command's.
 
     Args:
         run: The run.
@@ -73,10 +75,12 @@ def encoder_of(
     Raises:
         ConfigError: The run's own encoder isn't kept any more, and isn't the usual one.
     """
-    metrics = cfg.metrics
+    values = _judging(run, cfg)
     if not given("metrics", "catalogue"):
-        # Values that were checked; a config made of them has no resolver to call.
-        metrics = OmegaConf.create({**metrics, **run.metrics})
+        values |= run.metrics
+    # Those of the run were checked; a config made of them has no resolver to call.
+    metrics = OmegaConf.create(values)
+    if not given("metrics", "catalogue"):
         # How long an encoder is trained is not for a record to say.
         own = _own_encoder(run, cfg)
         if own and not is_kept(store, metrics.encoder_epochs, metrics.encoder_seed):
@@ -93,15 +97,26 @@ def _own_encoder(run: FinishedRun, cfg: DictConfig) -> list[str]:
 
     Nothing either where the command says which to take.
     """
-    own = {**cfg.metrics, **run.metrics}
-    trained = [key for key in own if key.startswith("encoder")]
+    usual = _judging(run, cfg)
+    own = usual | run.metrics
     if given("metrics", "catalogue") or own["encoder"] != "trained":
         return []
-    if all(own[key] == cfg.metrics[key] for key in trained):
+    if all(own[key] == usual[key] for key in ("encoder_epochs", "encoder_seed")):
         return []
-    return [
-        f"metrics.{key}={quoted(value)}" for key, value in own.items() if value != cfg.metrics[key]
-    ]
+    return [f"metrics.{key}={quoted(value)}" for key, value in own.items() if value != usual[key]]
+
+
+def _judging(run: FinishedRun, cfg: DictConfig) -> dict[str, Any]:
+    """The command's ``metrics``; what they take from its ``data`` is of the run's corpus."""
+    if not _given_corpus():
+        cfg = copy.deepcopy(cfg)
+        cfg.data.encoder = run.usual_encoder
+    return {str(name): value for name, value in cfg.metrics.items()}
+
+
+def _given_corpus() -> list[str]:
+    """What the command says of the corpus itself."""
+    return given("data", "store_dir", "workers", "encoder")
 
 
 def _overrides() -> list[str]:
