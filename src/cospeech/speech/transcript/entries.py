@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.speech import Word
 
 Timing = Literal["words", "spread"]
@@ -66,15 +65,14 @@ class Entries:
     are_seconds: bool = False
 
 
-def require_few(path: Path, count: int, most: int = MOST_ENTRIES) -> None:
+def require_few(count: int, most: int = MOST_ENTRIES) -> None:
     """Refuse a file of more words than anybody says.
 
     Raises:
-        InputFileError: It has more.
+        ContentError: It has more.
     """
     if count > most:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"holds more than {most} words",
             hint="give the transcript of one recording",
         )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript.entries import Entry, counted
 
@@ -46,7 +45,7 @@ def spread_text(text: str, start: float, end: float) -> tuple[Word, ...]:
     return tuple(spread)
 
 
-def fill_in_times(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
+def fill_in_times(entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
     """Give every entry a start and an end; and a note on how many had none.
 
     Words an aligner could not find share the gap between their timed neighbours in proportion to
@@ -55,11 +54,10 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], li
     the other end of a word with one time, which no neighbour's start is beyond.
 
     Args:
-        path: For messages.
         entries: In spoken order.
 
     Raises:
-        InputFileError: No entry has a time.
+        ContentError: No entry has a time.
     """
     incomplete = sum(entry.start is None or entry.end is None for entry in entries)
     if not incomplete:
@@ -71,8 +69,7 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], li
     ]
     is_timed = [entry.start is not None for entry in filled]
     if not any(is_timed):
-        raise InputFileError(
-            path,
+        raise ContentError(
             "no word in it has a time",
             hint="align the text with the audio (e.g. with the Montreal Forced Aligner), or give "
             "the text as a .txt file to have it spread over the audio",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, Entry
 from cospeech.speech.transcript.json_shapes.items import (
     DURATION_KEYS,
@@ -29,7 +29,7 @@ def read_tiers(document: Document) -> Entries | None:
                 tier.entries.append(document.entry(place, [item[2], item[0], item[1]]))
         if tier.entries:
             found.append(tier)
-    return Entries(tuple(words_tier(document.path, found).entries)) if found else Entries(())
+    return Entries(tuple(words_tier(found).entries)) if found else Entries(())
 
 
 def read_word_lists(document: Document) -> Entries | None:
@@ -52,8 +52,7 @@ def _require_times(document: Document, items: list[Item], entries: tuple[Entry, 
     item = items[0][1]
     if isinstance(item, dict) and first(item, timed) is None and "case" not in item:
         keys = ", ".join(map(repr, list(item)[:8]))
-        raise InputFileError(
-            document.path,
+        raise ContentError(
             f"its words have no times under a name that is known (they have {keys:.200})",
             items[0][0],
             f"times are called {', '.join((*START_KEYS[:3], *END_KEYS[:3], *DURATION_KEYS))}",

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entry, counted, require_few
 from cospeech.speech.transcript.lines import number
 
@@ -27,13 +26,11 @@ class Document:
     """A parsed file.
 
     Attributes:
-        path: For messages.
         value: What it holds.
         made: Entries that were made of it, which are bounded.
         speakers: Who said them, as far as it tells.
     """
 
-    path: Path
     value: Any
     made: int = 0
     speakers: set[str] = field(default_factory=set)
@@ -56,16 +53,16 @@ class Document:
         A duration may stand for the end; ``[word, start, end]`` will do as well.
 
         Raises:
-            InputFileError: It is something else, a time is none, or it is one too many.
+            ContentError: It is something else, a time is none, or it is one too many.
         """
         self.made += 1
-        require_few(self.path, self.made)
+        require_few(self.made)
         if isinstance(item, list) and len(item) == 3:
             item = dict(zip(("word", "start", "end"), item, strict=True))
         text = first(item, TEXT_KEYS) if isinstance(item, dict) else None
         if not isinstance(text, str):
-            raise InputFileError(
-                self.path, f"expected a word with its times, found {item!r:.60}", place, _EXPECTED
+            raise ContentError(
+                f"expected a word with its times, found {item!r:.60}", place, _EXPECTED
             )
         self.hear(item)
         if item.get("case") == "not-found-in-audio":
@@ -85,7 +82,7 @@ class Document:
         """Start and end of a word or a phrase; None where it has none.
 
         Raises:
-            InputFileError: A time is none.
+            ContentError: A time is none.
         """
         if not isinstance(item, dict):
             return None, None
@@ -100,7 +97,7 @@ class Document:
         """Seconds of a number, "1.200s", "1.2" or {"seconds": 1, "nanos": 200000000}.
 
         Raises:
-            InputFileError: It is no time.
+            ContentError: It is no time.
         """
         found: float | None = None
         if value is None:
@@ -115,8 +112,8 @@ class Document:
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
             found = float(value)  # of 30 digits at most
         if found is None:
-            raise InputFileError(
-                self.path, f"{value!r:.60} is not a time", place, 'times are seconds: 1.2 or "1.2s"'
+            raise ContentError(
+                f"{value!r:.60} is not a time", place, 'times are seconds: 1.2 or "1.2s"'
             )
         return None if math.isnan(found) else found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, Entry
 from cospeech.speech.transcript.json_shapes.items import (
     Document,
@@ -59,7 +59,7 @@ def read_deepgram(document: Document) -> Entries | None:
     """``{"results": {"channels": [{"alternatives": [{"words": [...]}]}]}}``.
 
     Raises:
-        InputFileError: Several channels hold words: one file per speaker is expected.
+        ContentError: Several channels hold words: one file per speaker is expected.
     """
     results = document.get("results")
     if not has(document.get("results", "channels"), "alternatives"):
@@ -192,7 +192,7 @@ def read_rev(document: Document) -> Entries | None:
     """``{"monologues": [{"elements": [{"type": "text", "value", "ts", "end_ts"}]}]}``.
 
     Raises:
-        InputFileError: Several speakers: one file per speaker is expected.
+        ContentError: Several speakers: one file per speaker is expected.
     """
     if not has(document.get("monologues"), "elements"):
         return None
@@ -236,8 +236,7 @@ def _results(document: Document, key: str) -> list[Item] | None:
 
 def _require_one(document: Document, count: int, what: str) -> None:
     if count > 1:
-        raise InputFileError(
-            document.path,
+        raise ContentError(
             f"holds the words of {count} {what}",
             hint="one file per speaker is expected: keep the words of one",
         )

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import chain
 from typing import Any
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, Entry
 from cospeech.speech.transcript.json_shapes.items import (
     Document,
@@ -73,7 +73,7 @@ def _in_place(
     """Words from the start of the recording, and a note where theirs count from the segment's.
 
     Raises:
-        InputFileError: Most segments' words lie before them, wherever their times count from.
+        ContentError: Most segments' words lie before them, wherever their times count from.
     """
     spans = []
     for (start, end), words in zip(times, listed, strict=True):
@@ -94,8 +94,7 @@ def _in_place(
     before = [span for span in spans if span[3] <= span[0] - _LOOSE_S]
     if 2 * len(before) > len(spans):
         start, _, _, last = before[0]
-        raise InputFileError(
-            document.path,
+        raise ContentError(
             f"its words lie before their segments: one that starts at {start:g} has words up to"
             f" {last:g}",
             hint="give words' times from the start of the recording",
@@ -150,7 +149,7 @@ def read_chunks(document: Document) -> Entries | None:
     """Hugging Face pipelines: ``{"chunks": [{"text", "timestamp": [start, end]}]}``.
 
     Raises:
-        InputFileError: The times start again, as those of parts of a recording do.
+        ContentError: The times start again, as those of parts of a recording do.
     """
     if not has(document.get("chunks"), "timestamp"):
         return None
@@ -161,8 +160,7 @@ def read_chunks(document: Document) -> Entries | None:
             chunk = {**chunk, "start": times[0], "end": times[1]}
         entry = document.entry(place, chunk)
         if entries and _starts_again(entries[-1], entry):
-            raise InputFileError(
-                document.path,
+            raise ContentError(
                 f"its times start again at {entry.start:g} s, after {entries[-1].end:g} s",
                 place,
                 "transcribe it with times from the start of the whole recording, or add to the"
