@@ -261,7 +261,7 @@ READERS: dict[str, Reader] = {
     "split list": Reader(
         _split_list,
         seeds.texts(a__csv="id,type\r\n1_wayne_0,train\r\n2_scott_0,test\r\n3_x,additional\r\n"),
-        ("formats.mocap.split_list", "formats.mocap.tables"),
+        ("formats.mocap.split_list", "formats.tables"),
     ),
     "trinity offsets": Reader(
         _offsets,

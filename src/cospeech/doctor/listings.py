@@ -9,7 +9,7 @@ from cospeech.doctor.findings import Check, Finding, Severity
 from cospeech.errors import CospeechError
 from cospeech.formats.mocap import Take
 from cospeech.formats.mocap.finding import files_named
-from cospeech.formats.mocap.tables import MAX_TABLE_BYTES, Row, read_table
+from cospeech.formats.tables import MAX_TABLE_BYTES, Row, read_table
 
 TABLES = r".*(split|train|val|test|dev|info|list|meta).*\.(csv|txt)"
 """Names of tables that may list recordings."""
