@@ -10,7 +10,15 @@ import pytest
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Dropped
 from cospeech.errors import ConfigError, CospeechError, InputFileError
-from cospeech.formats.mocap import Excerpt, Take, Voice, find_takes, read_take, take_sources
+from cospeech.formats.mocap import (
+    Excerpt,
+    ReadingSettings,
+    Take,
+    Voice,
+    find_takes,
+    read_take,
+    take_sources,
+)
 from cospeech.formats.mocap.takes import checked_ids
 from cospeech.motion.phases import PHASES
 from tests.fabricated.mocap import (
@@ -166,7 +174,7 @@ def test_sources_say_what_they_read_and_travel_to_other_processes(tmp_path):
     put_take(tmp_path, "mute", audio=False)
     takes = find_takes(tmp_path)
     takes.append(Take("copy", "x", None, tmp_path / "a.wav", None, "a copy", "augmented copy"))
-    sources = take_sources(takes, licence="CC0")
+    sources = take_sources(takes, ReadingSettings(licence="CC0"))
     assert [source.id for source in sources] == ["a", "b", "mute", "copy"]
     assert [path.name for path in sources[0].files] == ["a.bvh", "a.wav", "a.tsv"]
     read = pickle.loads(pickle.dumps(sources[0].read))

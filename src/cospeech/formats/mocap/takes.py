@@ -10,6 +10,8 @@ from typing import Any
 
 from cospeech.corpus.recording import Remark
 from cospeech.errors import CospeechError
+from cospeech.motion.bvh import UpAxis
+from cospeech.motion.joint_map import JointMap
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,32 @@ class Take:
 
 def _all(first: Path | None, others: tuple[Path, ...]) -> tuple[Path, ...]:
     return () if first is None else (first, *others)
+
+
+@dataclass(frozen=True)
+class ReadingSettings:
+    """How the files of takes are read.
+
+    Attributes:
+        joint_map: Where the evaluation joints are; None: found by the joints' names.
+        frame_rate: Frames per second of BVH rows, where the headers are wrong.
+        unit_scale: Metres per unit of BVH files; None: by the joint map.
+        up_axis: Vertical axis of BVH files (`cospeech.motion.bvh.read_bvh`).
+        phase_tier: Tier or track of the gesture phases in annotation files (`read_phases`).
+        phase_labels: What the annotations' own labels mean: text -> phase.
+        licence: Licence of takes that have none of their own.
+    """
+
+    joint_map: JointMap | None = None
+    frame_rate: float | None = None
+    unit_scale: float | None = None
+    up_axis: UpAxis = "y"
+    phase_tier: str | None = None
+    phase_labels: Mapping[str, str] | None = None
+    licence: str = ""
+
+
+AS_FILES_SAY = ReadingSettings()
 
 
 def checked_ids(takes: Iterable[Take]) -> list[Take]:
