@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from cospeech.errors import ContentError
@@ -47,6 +48,16 @@ class Entry:
     end: float | None
     place: str
     is_phrase: bool = False
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether a time of it is known."""
+        return self.start is not None or self.end is not None
+
+    def retimed(self, change: Callable[[float], float]) -> Entry:
+        """The entry with other times in the place of those that are known."""
+        start, end = (None if time is None else change(time) for time in (self.start, self.end))
+        return replace(self, start=start, end=end)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from cospeech.speech.transcript.labels import (
     without_markup,
     without_speakers,
 )
-from cospeech.speech.transcript.spreading import TYPICAL_LETTER_S, letters
+from cospeech.speech.transcript.spreading import TYPICAL_LETTER_S, lay_out, letters
 from cospeech.speech.transcript.units import median_word
 
 MAX_WORD_CHARACTERS = 1_000
@@ -270,7 +270,7 @@ def _lengthened(words: list[Word], duration_s: float | None, notes: list[str]) -
             room = max(SHORTEST_WORD_S, duration_s - start)
             run = run[: max(1, int(room / SHORTEST_WORD_S))]
             end = min(end, start + room)
-        result += _shared(run, start, end)
+        result += lay_out(run, start, end)
         moved += len(run)
         lost += stop - index - len(run)
         index = stop
@@ -285,18 +285,3 @@ def _lengthened(words: list[Word], duration_s: float | None, notes: list[str]) -
             " there is no time before the end of the sound"
         )
     return result
-
-
-def _shared(run: Sequence[Word], start: float, end: float) -> list[Word]:
-    weights = [max(1, letters(word.text)) for word in run]
-    total, done, shared = sum(weights), 0, []
-    for word, weight in zip(run, weights, strict=True):
-        shared.append(
-            Word(
-                word.text,
-                start + (end - start) * done / total,
-                start + (end - start) * (done + weight) / total,
-            )
-        )
-        done += weight
-    return shared

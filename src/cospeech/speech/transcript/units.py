@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
 
 from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entry
@@ -72,14 +71,7 @@ def in_seconds(entries: Sequence[Entry], duration_s: float | None) -> tuple[list
             " sample rate; frames: divide by the frame rate)",
         )
     per_second, unit = possible[0]
-    converted = [
-        replace(
-            entry,
-            start=None if entry.start is None else entry.start / per_second,
-            end=None if entry.end is None else entry.end / per_second,
-        )
-        for entry in entries
-    ]
+    converted = [entry.retimed(lambda time: time / per_second) for entry in entries]
     note = f"its times are {unit}: they were divided by {per_second:g} (the last word ends at"
     return converted, [f"{note} {last / per_second:.2f} s)"]
 

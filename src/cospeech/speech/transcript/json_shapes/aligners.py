@@ -12,6 +12,7 @@ from cospeech.speech.transcript.json_shapes.items import (
     Item,
     children,
     first,
+    numbered,
 )
 from cospeech.speech.transcript.tiers import Tier, words_tier
 
@@ -35,18 +36,18 @@ def read_tiers(document: Document) -> Entries | None:
 def read_word_lists(document: Document) -> Entries | None:
     """Gentle and others: ``{"words": [...]}``, or a list of words alone."""
     if isinstance(document.value, list):
-        items: list[Item] = [(f"[{i}]", item) for i, item in enumerate(document.value)]
+        items = numbered(document.value)
     elif document.list_of("words") is not None:
         items = list(children(document.value, "words"))
     else:
         return None
-    entries = tuple(document.entry(place, item) for place, item in items)
+    entries = tuple(document.entries(items))
     _require_times(document, items, entries)
     return Entries(entries)
 
 
 def _require_times(document: Document, items: list[Item], entries: tuple[Entry, ...]) -> None:
-    if not entries or any(entry.start is not None or entry.end is not None for entry in entries):
+    if not entries or any(entry.is_timed for entry in entries):
         return
     timed = (*START_KEYS, *END_KEYS, *DURATION_KEYS)
     item = items[0][1]

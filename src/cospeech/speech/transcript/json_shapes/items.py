@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 from cospeech.errors import ContentError
@@ -67,9 +68,12 @@ class Document:
         self.hear(item)
         if item.get("case") == "not-found-in-audio":
             return Entry(text, None, None, place, is_phrase)
-        start, end = self.times(place, item)
-        start, end = (None if time is None else time * scale for time in (start, end))
-        return Entry(text, start, end, place, is_phrase)
+        entry = Entry(text, *self.times(place, item), place, is_phrase)
+        return entry.retimed(lambda time: time * scale)
+
+    def entries(self, items: Iterable[Item], scale: float = 1.0) -> list[Entry]:
+        """As `entry`, of several."""
+        return [self.entry(place, item, scale) for place, item in items]
 
     def hear(self, item: Any) -> None:
         """Take note of the speaker or the channel of a word or a phrase."""
@@ -133,8 +137,26 @@ def children(value: Any, key: str, above: str = "") -> Iterator[Item]:
     """The items of the list under a key, with their places; none where there is no list."""
     values = value.get(key) if isinstance(value, dict) else None
     if isinstance(values, list):
-        prefix = f"{above}.{key}" if above else key
-        yield from ((f"{prefix}[{index}]", item) for index, item in enumerate(values))
+        yield from numbered(values, f"{above}.{key}" if above else key)
+
+
+def numbered(values: list[Any], above: str = "") -> list[Item]:
+    """The items of a list with their places."""
+    return [(f"{above}[{index}]", item) for index, item in enumerate(values)]
+
+
+def below(value: Any, path: str, above: str = "") -> Iterator[Item]:
+    """The items of lists in lists, with their places.
+
+    Args:
+        value: What holds the outermost list.
+        path: Keys of the lists, ``"alternatives[0].words"``: of the first alternative alone.
+        above: Where the value stands.
+    """
+    key, _, rest = path.partition(".")
+    found = children(value, key.removesuffix("[0]"), above)
+    for place, item in islice(found, 1) if key.endswith("[0]") else found:
+        yield from below(item, rest, place) if rest else ((place, item),)
 
 
 def has(items: Any, key: str) -> bool:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 from itertools import chain
+from operator import add
 from typing import Any
 
 from cospeech.errors import ContentError
@@ -40,11 +41,8 @@ def read_segments(document: Document) -> Entries | None:
     if not isinstance(value, dict) or not isinstance(value.get("segments"), list):
         return _words_beside(document, value)
     segments = list(children(value, "segments"))
-    listed = [
-        [document.entry(*item) for item in children(segment, "words", place)]
-        for place, segment in segments
-    ]
-    is_aligned = any(map(_is_timed, chain.from_iterable(listed)))
+    listed = [document.entries(children(segment, "words", place)) for place, segment in segments]
+    is_aligned = any(word.is_timed for word in chain.from_iterable(listed))
     if not is_aligned:
         beside = _words_beside(document, value)
         if beside is not None:
@@ -54,7 +52,7 @@ def read_segments(document: Document) -> Entries | None:
     phrases = 0
     for (place, segment), words in zip(segments, listed, strict=True):
         has_text = isinstance(segment, dict) and isinstance(first(segment, ("text", "body")), str)
-        if has_text and not any(map(_is_timed, words)):
+        if has_text and not any(word.is_timed for word in words):
             entry = document.entry(place, segment, is_phrase=True)
             entries.append(entry)
             phrases += bool(entry.text.strip())
@@ -87,7 +85,7 @@ def _in_place(
     is_off = any(_misfit(*span) > _OFF_S for span in spans)
     if is_off and all(_misfit(0.0, end - start, *inner) <= _FITS_S for start, end, *inner in spans):
         moved = [
-            [_later(word, start or 0.0) for word in words]
+            [word.retimed(partial(add, start or 0.0)) for word in words]
             for (start, _), words in zip(times, listed, strict=True)
         ]
         return moved, ["its words' times count from their segment's start, which was added"]
@@ -111,18 +109,9 @@ def _misfit(start: float, end: float, first_time: float, last_time: float) -> fl
     return max(start - first_time, last_time - end)
 
 
-def _later(word: Entry, by: float) -> Entry:
-    start, end = (None if time is None else time + by for time in (word.start, word.end))
-    return replace(word, start=start, end=end)
-
-
-def _is_timed(entry: Entry) -> bool:
-    return entry.start is not None or entry.end is not None
-
-
 def _within(words: list[Entry], start: float | None, end: float | None) -> list[Entry]:
     """The words of a segment, of which those at its ends that have no time lie within it."""
-    timed = [index for index, word in enumerate(words) if _is_timed(word)]
+    timed = [index for index, word in enumerate(words) if word.is_timed]
     if not timed:
         return words
     head, tail = words[: timed[0]], words[timed[-1] + 1 :]
@@ -139,8 +128,12 @@ def _words_beside(document: Document, value: Any) -> Entries | None:
         if isinstance(value, dict) and value.get(key) and isinstance(value[key], list):
             if key == "words" and "segments" not in value:
                 return None
-            entries = tuple(document.entry(*item) for item in children(value, key))
-            if key == "words" or any(map(_is_timed, entries)) or not value.get("segments"):
+            entries = tuple(document.entries(children(value, key)))
+            if (
+                key == "words"
+                or any(entry.is_timed for entry in entries)
+                or not value.get("segments")
+            ):
                 return Entries(entries)
     return None
 
