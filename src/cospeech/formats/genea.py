@@ -31,7 +31,9 @@ FPS = 30.0
 MAIN, OTHER = "main-agent", "interloctr"
 UNKNOWN_SPEAKER = "unknown"
 
-_NAME = re.compile(r"((trn|val|tst)_(20\d\d)_v\d+_\d+)(?:_(main-agent|interloctr))?", re.IGNORECASE)
+NAME = re.compile(r"((trn|val|tst)_(20\d\d)_v\d+_\d+)(?:_(main-agent|interloctr))?", re.IGNORECASE)
+"""Of a recording's files."""
+
 _SPLITS = {"trn": "train", "val": "val", "tst": "test"}
 
 _log = logging.getLogger(__name__)
@@ -68,7 +70,7 @@ def find_genea_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
     root = Path(root)
     sides: dict[tuple[str, str], list[Take]] = defaultdict(list)
     for take in find_takes(root, missing_audio=missing_audio, transcripts=(".tsv",)):
-        match = _NAME.fullmatch(take.path.stem)
+        match = NAME.fullmatch(take.path.stem)
         if match is not None:
             side = OTHER if (match[4] or "").lower() == OTHER else MAIN
             sides[match[1].lower(), side].append(take)
@@ -144,13 +146,13 @@ def _read_metadata(path: Path) -> list[tuple[str, Speakers, str]]:
     rows = read_table(path)
     with understood(path, "a table of metadata"):
         columns = {"name": 0, "fingers": 1, "main": 2}
-        if not _NAME.fullmatch(rows[0].fields[0]):
+        if not NAME.fullmatch(rows[0].fields[0]):
             columns = columns_of(rows[0], _spellings(rows[0]))
             rows = rows[1:]
         said = []
         for row in rows:
             name = row.cell(columns["name"]).lower()
-            if not _NAME.fullmatch(name):
+            if not NAME.fullmatch(name):
                 problem = f"{name[:40]!r} is no recording"
                 raise ContentError(problem, row.place, "expected trn_2023_v0_000")
             fingers = row.cell(columns["fingers"]).lower()

@@ -26,9 +26,11 @@ LICENCE = "ZeroEGGS: CC BY-NC-ND 4.0"
 FPS = 60.0
 SPEAKER = "zeggs"
 
-_NAME = re.compile(
+NAME = re.compile(
     r"(?P<id>\d{3}_(?P<style>[A-Za-z]+)_\d+)(?P<mirror>_mirror)?(?:_[xyz]_(?P<speed>\d+_\d+))?"
 )
+"""Of a recording's files."""
+
 _VALIDATION = {"true": "val", "false": "train"}
 
 _log = logging.getLogger(__name__)
@@ -54,7 +56,7 @@ def find_zeggs_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
         _log.warning("%s: no info.csv, so the published split is not known%s", root, where)
     takes = []
     for take in find_takes(root, missing_audio=missing_audio):
-        match = _NAME.fullmatch(take.path.stem)
+        match = NAME.fullmatch(take.path.stem)
         if match is None:
             continue
         take = replace(
@@ -91,7 +93,7 @@ def _splits(path: Path) -> dict[str, str]:
     with understood(path, "a list of sequences"):
         columns = columns_of(header, {"bvh": ("anim_bvh",), "validation": ("validation",)})
         for row in rows:
-            match = _NAME.fullmatch(row.cell(columns["bvh"]).removesuffix(".bvh"))
+            match = NAME.fullmatch(row.cell(columns["bvh"]).removesuffix(".bvh"))
             split = _VALIDATION.get(row.cell(columns["validation"]).lower())
             if match is None or split is None:
                 problem = f"{', '.join(row.fields)[-60:]!r} is not a sequence and TRUE or FALSE"
