@@ -64,9 +64,9 @@ def test_takes_in_one_folder(tmp_path):
     put(tmp_path / "._b.bvh", "mac rubbish")
     takes = find_takes(tmp_path)
     assert [take.id for take in takes] == ["a", "b"]
-    assert takes[0] == Take("a", tmp_path.name, tmp_path / "a.bvh", tmp_path / "a.ogg")
+    assert takes[0] == Take("a", tmp_path.name, tmp_path / "a.bvh", (tmp_path / "a.ogg",))
     assert takes[1].audio == tmp_path / "b.WAV"
-    assert takes[1].transcript == tmp_path / "b.tsv"
+    assert takes[1].transcripts[0] == tmp_path / "b.tsv"
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_layouts_of_the_field(tmp_path, motion, audio, words, speaker):
     for path in (motion, audio, words):
         put(root / path)
     (take,) = find_takes(root)
-    assert take == Take("T_1", speaker, root / motion, root / audio, root / words)
+    assert take == Take("T_1", speaker, root / motion, (root / audio,), (root / words,))
 
 
 def test_equal_stems_of_two_speakers_stay_apart(tmp_path):

@@ -137,9 +137,9 @@ def test_what_the_other_speaker_lacks_is_not_the_takes_loss(tmp_path):
     def read(voice):
         return read_take(Take(**vars(take) | {"interlocutor": voice}))
 
-    recording = read(Voice(tmp_path / "other.wav", broken, (good,)))
+    recording = read(Voice(tmp_path / "other.wav", (broken, good)))
     assert words_of(recording.interlocutor) == [("hello", 0.2, 0.6)]
-    recording = read(Voice(tmp_path / "other.wav", broken))
+    recording = read(Voice(tmp_path / "other.wav", (broken,)))
     assert recording.interlocutor.words is None
     assert [remark.path for remark in recording.remarks] == [broken]
     recording = read(Voice(broken))

@@ -95,7 +95,7 @@ def test_broken_lists_name_the_line(tmp_path):
 
 def test_takes_get_the_split_of_the_list(tmp_path):
     path = put_text(tmp_path / "s.csv", "id,split\na,train\nb,val\nzz,test\n")
-    takes = [Take(name, "x", tmp_path / f"{name}.bvh", None, split="test") for name in "abc"]
+    takes = [Take(name, "x", tmp_path / f"{name}.bvh", split="test") for name in "abc"]
     listed = with_split_list(takes, path)
     assert [take.split for take in listed] == ["train", "val", None]
     assert listed[0].files == (tmp_path / "a.bvh", path)

@@ -32,7 +32,7 @@ def check_listings(root: Path, takes: Sequence[Take]) -> Iterator[Finding]:
         takes: Its takes.
     """
     known = {name.lower() for take in takes for name in _names(take)}
-    parts = {path for take in takes for path in (take.transcript, take.phases) if path is not None}
+    parts = {path for take in takes for path in (*take.transcripts, *take.phase_files)}
     tables = {table for take in takes for table in take.tables}
     tables |= {path for path in files_named(root, TABLES) if path not in parts}
     for table in sorted(tables)[:MOST_TABLES]:

@@ -21,6 +21,7 @@ from cospeech.doctor.lengths import Lengths, check_lengths
 from cospeech.doctor.words import check_words_end
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.formats.mocap import ReadingSettings, Take, read_take
+from cospeech.formats.mocap.side_files import first_usable
 from cospeech.motion.bvh import read_bvh_timing
 from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.audio import audio_seconds
@@ -204,24 +205,15 @@ def _lengths(take: Take, settings: ReadingSettings) -> tuple[Path, Lengths] | No
         return None
     try:
         frames, fps = read_bvh_timing(take.motion, settings.frame_rate)
-        motion_s = frames / fps - take.excerpt.motion_start
-        sound, sound_s = _first_length(take.sounds)
-        audio_s = sound_s - take.excerpt.audio_start
     except CospeechError:
         return None  # the reader says what is wrong
-    if motion_s <= 0 or audio_s <= 0:
-        return None
-    return sound, Lengths(motion_s, audio_s, fps)
-
-
-def _first_length(sounds: Sequence[Path]) -> tuple[Path, float]:
-    """The first sound file that can be read, and its seconds."""
-    for path in sounds[:-1]:
-        try:
-            return path, audio_seconds(path)
-        except CospeechError:
-            continue
-    return sounds[-1], audio_seconds(sounds[-1])
+    measured = first_usable(take.sounds, "sound", audio_seconds, [])
+    if measured is None:
+        return None  # likewise
+    sound, audio_s = measured
+    audio_s -= take.excerpt.audio_start
+    motion_s = frames / fps - take.excerpt.motion_start
+    return (sound, Lengths(motion_s, audio_s, fps)) if min(motion_s, audio_s) > 0 else None
 
 
 def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:

@@ -123,9 +123,7 @@ def _recording(take: Take, name: str, said: Speakers | None, others: list[Take])
         return replace(take, problem=problem, left_out="no motion in the release")
     audio = others[0].audio if others else None
     if audio is not None:
-        take = replace(
-            take, interlocutor=Voice(audio, others[0].transcript, others[0].other_transcripts)
-        )
+        take = replace(take, interlocutor=Voice(audio, others[0].transcripts))
     return take
 
 

@@ -137,7 +137,7 @@ def challenge_split(name: str) -> str | None:
 
 def _is_release_file(take: Take) -> bool:
     match = _TAKE_NAME.fullmatch(take.path.stem)
-    return match is not None and (match[2] is not None or take.transcript is not None)
+    return match is not None and (match[2] is not None or bool(take.transcripts))
 
 
 def _renamed(root: Path, takes: Iterable[Take]) -> list[Take]:

@@ -107,7 +107,10 @@ def read_take(take: Take, settings: ReadingSettings = AS_FILES_SAY) -> Recording
         )
         remarks.append(Remark("silence in the place of sound", text, "data.missing_audio=skip"))
     else:
-        path, waveform = _first_sound(take, remarks)
+        read_sound = functools.partial(_audio, take, remarks=remarks)
+        sound = first_usable(take.sounds, "sound", read_sound, remarks, is_needed=True)
+        assert sound is not None
+        path, waveform = sound
         files.append(path)
     audio_s = len(waveform) / SAMPLE_RATE
     remarks += _length_remarks(take.motion, motion, audio_s)
@@ -199,30 +202,6 @@ def _motion(
     motion = whole.slice(first, stop) if (first, stop) != (0, len(whole)) else whole
     skeleton = replace(motion.skeleton, name=joint_map.name, joint_map=joint_map)
     return replace(motion, skeleton=skeleton), first, len(whole), joint_map
-
-
-def _first_sound(take: Take, remarks: list[Remark]) -> tuple[Path, NDArray[np.float32]]:
-    """The first sound file that can be read, and its waveform.
-
-    Raises:
-        InputFileError: None can; about the preferred one.
-    """
-    refused: list[InputFileError] = []
-    for path in take.sounds:
-        try:
-            waveform = _audio(take, path, remarks)
-        except InputFileError as error:
-            refused.append(error)
-            continue
-        kind = "a sound file that can't be read; another is"
-        remarks += [
-            Remark(
-                kind, f"{path.name} is used, since {error.problem}", error.hint or "", error.path
-            )
-            for error in refused
-        ]
-        return path, waveform
-    raise refused[0]
 
 
 def _audio(take: Take, path: Path, remarks: list[Remark]) -> NDArray[np.float32]:
