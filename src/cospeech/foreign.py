@@ -91,7 +91,7 @@ def understood(path: str | Path, what: str, hint: str | None = None) -> Iterator
         raise InputFileError(path, f"is damaged, or not {what} ({told})", hint=hint) from error
 
 
-def require_no_pipe(path: Path, hint: str | None = None) -> None:
+def require_no_pipe(path: Path) -> None:
     """Refuse what would never end, or keep its reader waiting: pipes, devices, folders.
 
     For readers that open their file themselves; others take `open_file`.
@@ -100,7 +100,7 @@ def require_no_pipe(path: Path, hint: str | None = None) -> None:
         InputFileError: It is one of these. A file that is absent is left to its reader.
     """
     if path.exists() and not path.is_file():
-        raise _no_file(path, hint)
+        raise _no_file(path, None)
 
 
 def open_file(path: str | Path, hint: str | None = None) -> BufferedReader:
