@@ -24,7 +24,16 @@ from cospeech.formats.berkeley.interval_frames import (
 from cospeech.formats.berkeley.keypoints import BERKELEY_2D, parse_keypoints
 from cospeech.formats.berkeley.keypoints2d import find_2d_sources, read_intervals
 from cospeech.formats.berkeley.layout import below, parse_time, recording_name, video_stem
-from cospeech.formats.berkeley.published2d import JON_SHOULDER_PX, training_windows
+from cospeech.formats.berkeley.published2d import (
+    JON_SHOULDER_PX,
+    from_channels,
+    random_windows,
+    scale_factors,
+    speaker_statistics,
+    to_channels,
+    training_windows,
+    window_audio_samples,
+)
 from cospeech.formats.berkeley.rows import index_rows
 from data_modules.berkeley import BerkeleyData
 from tests.fabricated.berkeley import clock_sound, stamp, write_2d, write_samples
@@ -272,15 +281,33 @@ def test_published_windows():
     assert windows.starts.tolist() == list(range(0, 136, 5))
     assert windows.audio_starts[1] == int(5 * 2002 / 30000 * 16000) == 5338
     assert training_windows(200, 15.0).audio_starts[3] == 16000
+    assert (window_audio_samples(NTSC_FPS), window_audio_samples(15.0)) == (67267, 67200)
+
+
+def test_random_windows_are_a_function_of_the_seed():
+    lengths = {"b": 100, "a": 64, "short": 63}
+    windows = random_windows(lengths, seed=3)
+    assert windows == random_windows(dict(reversed(lengths.items())), seed=3)
+    assert windows != random_windows(lengths, seed=4)
+    assert len(windows) == 1000
+    assert {name for name, _ in windows} == {"a", "b"}
+    starts = np.bincount([start for name, start in windows if name == "b"])
+    # Every start up to the last possible one is drawn, about 500 / 37 times each.
+    assert len(starts) == 37
+    assert starts.min() > 2
+    with pytest.raises(CospeechError, match="none of 1 test"):
+        random_windows({"short": 63}, seed=0)
 
 
 def test_scale_factors_are_the_published_ones():
+    found = scale_factors({name: px for name, (px, _) in PUBLISHED_SCALES.items()})
     for name, (px, scale) in PUBLISHED_SCALES.items():
         # The distances are given to 6 digits, so their ratios are good for 1e-5 of relative error.
-        assert JON_SHOULDER_PX / px == pytest.approx(scale, rel=1e-5), name
+        assert found[name] == pytest.approx(scale, rel=1e-5), name
+        assert scale_factors({name: px})[name] == pytest.approx(JON_SHOULDER_PX / px)
 
 
-def test_scale_factors_of_recordings(tmp_path):
+def test_scale_factors_of_recordings_and_statistics(tmp_path):
     sizes = {"jon": 300.0, "rock": 120.0}
     write_2d(tmp_path, ("jon", "rock"), frames=70, shoulder_px=sizes, audio=None)
     items = [item for item in read_all(tmp_path) if isinstance(item, Recording)]
@@ -288,6 +315,38 @@ def test_scale_factors_of_recordings(tmp_path):
         ("jon", 1),
         ("rock", 2.5),
     }
+    statistics = speaker_statistics(items)
+    distances = {name: s.shoulder_distance for name, s in statistics.items()}
+    assert distances == pytest.approx(sizes)
+    assert scale_factors(distances) == pytest.approx({"jon": 1, "rock": 2.5})
+
+
+def test_statistics_in_one_pass_are_those_of_all_frames(tmp_path):
+    write_2d(tmp_path, ("oliver",), frames=90, audio=None)
+    items = [i for i in read_all(tmp_path) if isinstance(i, Recording) and i.split == "train"]
+    statistics = speaker_statistics(iter(items))["oliver"]
+    everything = np.concatenate([item.motion.positions for item in items]).astype(float)
+    assert statistics.count == len(everything) == 360
+    # All x, then all y, and y down.
+    flat = np.concatenate([everything[..., 0], -everything[..., 1]], axis=1)
+    np.testing.assert_allclose(statistics.mean, flat.mean(axis=0), atol=1e-9)
+    np.testing.assert_allclose(statistics.std, flat.std(axis=0), atol=1e-9)
+    positions = items[0].motion.positions
+    channels = statistics.normalise(positions)
+    expected = (to_channels(positions) - statistics.mean) / (statistics.std + 2.2204e-16)
+    np.testing.assert_allclose(channels, expected)
+    moving = statistics.std > 0
+    assert moving.sum() > 20
+    wrist = BERKELEY_2D.index["left_wrist"]
+    assert channels[7, 49 + wrist] == pytest.approx(
+        (-positions[7, wrist, 1] - statistics.mean[49 + wrist]) / statistics.std[49 + wrist]
+    )
+    np.testing.assert_allclose(statistics.denormalise(channels), positions, atol=1e-4)
+    twice = statistics.denormalise(channels, scale=2.0)
+    np.testing.assert_allclose(twice, 2 * positions, atol=2e-4)
+    channels[:, [0, 49]] = 7.0  # what a network says of the neck is not listened to
+    np.testing.assert_allclose(statistics.denormalise(channels)[:, 0], 0.0)
+    np.testing.assert_allclose(from_channels(to_channels(positions)), positions)
 
 
 def test_samples_are_put_together_again(tmp_path):
