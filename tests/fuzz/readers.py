@@ -261,7 +261,7 @@ READERS: dict[str, Reader] = {
     "split list": Reader(
         _split_list,
         seeds.texts(a__csv="id,type\r\n1_wayne_0,train\r\n2_scott_0,test\r\n3_x,additional\r\n"),
-        ("formats.mocap.split_list", "formats.mocap.tables"),
+        ("formats.mocap.split_list", "formats.tables"),
     ),
     "trinity offsets": Reader(
         _offsets,
@@ -296,6 +296,8 @@ NO_READERS = {
     "nn.checkpoints": "opens checkpoints as a reader above does",
     "reporting.charts": "what matplotlib has just drawn",
     "doctor.reading": "opens what the readers above open",
+    "formats.genea": "opens its table as readers above do",
+    "formats.zeggs": "opens its table as readers above do",
     "formats.mocap.reading": "opens what the readers above open",
     "formats.mocap.side_files": "opens what the readers above open",
     "methods.motion_matching.refinement.pair_windows": "windows of an open store",

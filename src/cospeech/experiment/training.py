@@ -257,36 +257,21 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         load_weights(model, Path(best.best_model_path), again)
     if isinstance(model, HandsOverEncoder) and trainer.is_global_zero:
         _keep_encoder(cfg, folder, store, model)
-    if cfg.test and isinstance(model, GestureMethod):
-        assert encoder is not None
+    if cfg.test and (isinstance(model, GestureMethod) or is_overridden("test_step", model)):
         with _timed(record, "test"):
             windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
         if not trainer.is_global_zero:
             return RunResult(folder, record.values, objective, model)
-        with _timed(record, "test_recordings"):
-            recordings = evaluate_recordings(
-                model,
-                store,
-                "test",
-                encoder,
-                catalogue,
-                limit=_limit(cfg.trainer.get("limit_test_batches")),
-            )
-        record.update(
-            final={
-                "split": "test",
-                "windows": {
-                    name.removeprefix("test/"): float(value) for name, value in windows[0].items()
-                },
-                "recordings": recordings,
-            },
-            references=references,
-        )
-    elif cfg.test and is_overridden("test_step", model):
-        with _timed(record, "test"):
-            windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
         values = {name.removeprefix("test/"): float(value) for name, value in windows[0].items()}
-        record.update(final={"split": "test", "windows": values})
+        final: dict[str, Any] = {"split": "test", "windows": values}
+        if isinstance(model, GestureMethod):
+            assert encoder is not None
+            limit = _limit(cfg.trainer.get("limit_test_batches"))
+            with _timed(record, "test_recordings"):
+                final["recordings"] = evaluate_recordings(
+                    model, store, "test", encoder, catalogue, limit=limit
+                )
+        record.update(final=final, references=references)
     record.finish("ok")
     with costs_itself("the summary"):  # what is done is done, whatever the terminal makes of it
         _summarise(folder, record)

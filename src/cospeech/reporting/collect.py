@@ -84,9 +84,9 @@ class Run:
     def is_debug(self) -> bool:
         """Whether it saw a few batches alone (``debug=fast``): its numbers mean nothing."""
         config = self.mapping("config")
-        choices, trainer = config.get("choices"), config.get("trainer")
-        if isinstance(choices, Mapping) and choices.get("debug"):
+        if config.get("choices", {}).get("debug"):
             return True
+        trainer = config.get("trainer")
         return isinstance(trainer, Mapping) and any(
             bool(value) and not (isinstance(value, float) and value == 1)
             for key, value in trainer.items()
@@ -104,26 +104,22 @@ class Run:
         return self.values.get("seed")
 
     def mapping(self, key: str) -> Mapping[str, Any]:
-        """A top-level object of the record; empty when absent or of another type."""
-        value = self.values.get(key)
-        return value if isinstance(value, Mapping) else {}
+        """A top-level object of the record; empty when absent."""
+        value: Mapping[str, Any] = self.values.get(key, {})
+        return value
 
     def final(self, protocol: str) -> Mapping[str, Any]:
         """Final metrics under a protocol."""
-        value = self.mapping("final").get(protocol)
-        return value if isinstance(value, Mapping) else {}
+        value: Mapping[str, Any] = self.mapping("final").get(protocol, {})
+        return value
 
     def epochs(self) -> list[Mapping[str, Any]]:
         """Metrics per epoch, in order."""
-        rows = self.values.get("epochs")
-        if not isinstance(rows, list):
-            return []
-        known = [r for r in rows if isinstance(r, Mapping) and number(r.get("epoch")) is not None]
-        return sorted(known, key=lambda row: float(row["epoch"]))
+        return sorted(self.values.get("epochs", []), key=lambda row: row["epoch"])
 
     def samples(self) -> list[Path]:
         """The run's player pages and videos that exist, inside its folder."""
-        names = self.values.get("samples") or []
+        names = self.values.get("samples", [])
         root = self.folder.resolve()
         paths = [self.folder / name for name in names[-_MOST_SAMPLES:] if _is_inside(root, name)]
         return list(dict.fromkeys(paths))

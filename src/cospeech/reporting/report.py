@@ -128,9 +128,7 @@ def _results_section(results: Results, folder: Path) -> list[str]:
         for column in results.columns:
             text = _cell(row.get(column.key))
             if column.key == "label" and group is not None:
-                text = (
-                    f'<i class="swatch" style="background: var(--{colours[id(group)]})"></i>{text}'
-                )
+                text = _swatch(colours[id(group)]) + text
             cells.append(f"<td{_number_class(column)}>{text}</td>")
         lines.append(f"<tr{' class=reference' if group is None else ''}>{''.join(cells)}</tr>")
     heads = "".join(f"<th{_number_class(c)}>{escaped(c.heading)}</th>" for c in results.columns)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cospeech.errors import CospeechError, InputFileError
+from cospeech.errors import ContentError, CospeechError, InputFileError
 from cospeech.formats.mocap import Take, read_split_list, with_split_list
-from cospeech.formats.mocap.tables import cell, columns_of, read_table
+from cospeech.formats.tables import columns_of, read_table
 from cospeech.formats.trinity_offsets import read_offsets
 from tests.fabricated.mocap import put_text
 
@@ -27,12 +27,13 @@ def test_rows_know_their_line_and_columns_their_names(tmp_path):
     path = put_text(tmp_path / "t.csv", "Name,x\n\nq,1,2\nr\n")
     header, first, second = read_table(path)
     assert [row.place for row in (header, first, second)] == ["line 1", "line 3", "line 4"]
-    columns = columns_of(path, header, {"id": ("id", "name")})
-    assert cell(path, first, columns["id"]) == "q"
-    with pytest.raises(InputFileError, match=r"line 4: 1 values where column 2 is wanted"):
-        cell(path, second, 1)
-    with pytest.raises(InputFileError, match=r"no column 'type'; its columns: Name, x"):
-        columns_of(path, header, {"split": ("type", "split")})
+    columns = columns_of(header, {"id": ("id", "name")})
+    assert first.cell(columns["id"]) == "q"
+    with pytest.raises(ContentError, match="1 values where column 2 is wanted") as caught:
+        second.cell(1)
+    assert caught.value.place == "line 4"
+    with pytest.raises(ContentError, match=r"no column 'type'; its columns: Name, x"):
+        columns_of(header, {"split": ("type", "split")})
 
 
 @pytest.mark.parametrize(
@@ -94,7 +95,7 @@ def test_broken_lists_name_the_line(tmp_path):
 
 def test_takes_get_the_split_of_the_list(tmp_path):
     path = put_text(tmp_path / "s.csv", "id,split\na,train\nb,val\nzz,test\n")
-    takes = [Take(name, "x", tmp_path / f"{name}.bvh", None, split="test") for name in "abc"]
+    takes = [Take(name, "x", tmp_path / f"{name}.bvh", split="test") for name in "abc"]
     listed = with_split_list(takes, path)
     assert [take.split for take in listed] == ["train", "val", None]
     assert listed[0].files == (tmp_path / "a.bvh", path)
