@@ -18,7 +18,6 @@ from torch.nn import functional
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from cospeech.errors import ConfigError
-from cospeech.methods.base import evaluating
 from cospeech.methods.motion_matching.refinement.piecewise import (
     Around,
     Chain,
@@ -27,6 +26,7 @@ from cospeech.methods.motion_matching.refinement.piecewise import (
     Halved,
     Piecewise,
 )
+from cospeech.nn.modes import evaluating
 
 Form = Literal["code", "paper"]
 """The generator as in the published code or as in the paper's text."""
