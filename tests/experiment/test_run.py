@@ -281,6 +281,9 @@ def test_the_adversary_joins_at_its_epoch(trimodal):
 
 def test_the_default_loggers_have_every_value(trimodal):
     names = {name for row in trimodal.record["epochs"] for name in row} - {"epoch"}
+    final = trimodal.record["final"]
+    names |= {f"test/{name}" for name in final["windows"]}
+    names |= {f"test_recordings/{name}" for name in final["recordings"]}
     with (trimodal.folder / "csv" / "version_0" / "metrics.csv").open() as file:
         assert names <= set(next(csv.reader(file)))
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -290,6 +293,8 @@ def test_the_default_loggers_have_every_value(trimodal):
     assert names <= set(events.Tags()["scalars"])
     shown = [round(event.value, 9) for event in events.Scalars("val/fgd")]
     assert shown == [round(row["val/fgd"], 9) for row in trimodal.record["epochs"]]
+    (of_recordings,) = events.Scalars("test_recordings/fgd")
+    assert of_recordings.value == pytest.approx(final["recordings"]["fgd"])
     chosen = {"model": "trimodal", "data": "synthetic", "ablation": "full", "experiment": None}
     for kind in ("tensorboard", "csv/version_0"):
         settings = yaml.safe_load((trimodal.folder / kind / "hparams.yaml").read_text())

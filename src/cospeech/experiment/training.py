@@ -268,9 +268,13 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
             assert encoder is not None
             limit = _limit(cfg.trainer.get("limit_test_batches"))
             with _timed(record, "test_recordings"):
-                final["recordings"] = evaluate_recordings(
-                    model, store, "test", encoder, catalogue, limit=limit
-                )
+                made = evaluate_recordings(model, store, "test", encoder, catalogue, limit=limit)
+            final["recordings"] = made
+            for experiment_logger in loggers:
+                of_recordings = {f"test_recordings/{name}": value for name, value in made.items()}
+                experiment_logger.log_metrics(of_recordings, trainer.global_step)
+                # The trainer has closed it already; this writes what has come since.
+                experiment_logger.finalize("success")
         record.update(final=final, references=references)
     record.finish("ok")
     with costs_itself("the summary"):  # what is done is done, whatever the terminal makes of it
