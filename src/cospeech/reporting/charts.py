@@ -29,6 +29,18 @@ if TYPE_CHECKING:
 SERIES = tuple(f"c{i}" for i in range(1, 11))
 """Names of the colours of what is compared; they repeat after ten."""
 
+_PHASES = {
+    "preparation": "p1",
+    "stroke": "p2",
+    "hold": "p3",
+    "pre_hold": "p4",
+    "independent_hold": "p5",
+    "rest_hold": "p6",
+    "partial_retract": "p7",
+    "retract": "p8",
+    "retraction": "p8",
+    "rest": "p6",
+}
 _LOG_RATIO = 30
 _FARTHEST = 1e100
 _PICTURE_DPI = 160
@@ -59,6 +71,11 @@ def colour(name: str) -> str:
     In a page's SVG it becomes the style sheet's variable again, and so follows the theme.
     """
     return _theme()[name]
+
+
+def phase_colour(phase: str) -> str:
+    """Name of a gesture phase's colour in the pages' style sheet; grey for one not known."""
+    return _PHASES.get(phase, "p0")
 
 
 @contextmanager

@@ -7,9 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
-from cospeech.reporting.charts import chart_style, colour, inline_svg, new_axes, new_figure, titled
-from cospeech.reporting.gesture_figures.system_styles import phase_colour
+from cospeech.metrics.phase_structure import PhaseStructure
+from cospeech.reporting.charts import (
+    chart_style,
+    colour,
+    inline_svg,
+    new_axes,
+    new_figure,
+    phase_colour,
+    titled,
+)
 from cospeech.reporting.markup import escaped, one_line
 
 Row = tuple[str, PhaseStructure]

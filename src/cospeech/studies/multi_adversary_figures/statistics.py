@@ -1,10 +1,12 @@
-"""What is measured, and how its numbers are read."""
+"""What is measured, how its numbers are read, and what the paper says of them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cospeech.metrics.gesture_statistics import movement
+from cospeech.metrics import movement
+
+_FACTORS = {"cm": 100.0, "cm/s": 100.0, "%": 100.0}
 
 
 @dataclass(frozen=True)
@@ -12,20 +14,30 @@ class Statistic:
     """How a number is read.
 
     Attributes:
-        key: Key in `SystemStatistics.estimates`.
+        key: Key in `SystemStatistics.numbers`.
         title: What it is called.
         unit: Unit shown.
-        factor: From the SI value to the unit shown.
         meaning: How it is measured, in a sentence.
+        paper: What the paper's figures and text say of it; it prints no numbers.
         to_real: A distance to real motion, whose interval is reflected.
     """
 
     key: str
     title: str
     unit: str
-    factor: float
     meaning: str
+    paper: str = ""
     to_real: bool = False
+
+    @property
+    def factor(self) -> float:
+        """From the SI value to the unit shown."""
+        return _FACTORS.get(self.unit, 1.0)
+
+    @property
+    def heading(self) -> str:
+        """Title with its unit."""
+        return f"{self.title}, {self.unit}" if self.unit else self.title
 
 
 STATISTICS: tuple[Statistic, ...] = (
@@ -33,90 +45,97 @@ STATISTICS: tuple[Statistic, ...] = (
         "velocity",
         "wrist velocity",
         "cm/s",
-        100.0,
         "|Δx| + |Δy| + |Δz| per second, mean of both wrists, median over windows at each step, mean"
         " over steps",
+        "no minibatch > real ≈ full ≈ no motion ≫ no displacement ≈ MSE only",
     ),
     Statistic(
         "velocity_area",
         "area to real's velocity curve",
         "cm",
-        100.0,
         "area between the system's curve and real's over the window",
+        "full and no motion nearest",
         to_real=True,
     ),
     Statistic(
         "range",
         "wrist range",
         "cm",
-        100.0,
         "largest distance of a wrist from its place in the training data's mean pose, mean over"
         " windows",
+        "real > full > no displacement and MSE only; no motion below real",
     ),
-    Statistic("range_ratio", "range / real", "", 1.0, "the system's mean range over real's"),
+    Statistic("range_ratio", "range / real", "", "the system's mean range over real's"),
     Statistic(
         "range_gap",
         "distance to real's range",
         "cm",
-        100.0,
         "difference of the mean ranges, either way",
+        "full nearest",
         to_real=True,
     ),
     Statistic(
-        "range_spread", "spread of ranges", "cm", 100.0, "standard deviation of range over windows"
+        "range_spread",
+        "spread of ranges",
+        "cm",
+        "standard deviation of range over windows",
+        "no minibatch almost none; no displacement and MSE only as real",
     ),
     Statistic(
         "held",
         "time held",
         "%",
-        100.0,
         f"steps in which both wrists are slower than {100 * movement.HOLD_SPEED:g} cm/s",
+        "no clear holds without phase",
     ),
     Statistic(
         "jitter",
         "jitter",
         "%",
-        100.0,
         f"share of the wrists' velocity power above {movement.JITTER_FREQUENCY:g} Hz",
+        "without phase and displacement most",
     ),
-    Statistic("jerk", "wrist jerk", "m/s³", 1.0, "mean size of the third derivative of position"),
+    Statistic("jerk", "wrist jerk", "m/s³", "mean size of the third derivative of position"),
     Statistic(
         "diversity",
         "distance between windows",
         "cm",
-        100.0,
         "mean over pairs of windows of the root mean square joint distance",
+        "no displacement and MSE only damped",
     ),
     Statistic(
         "variety",
         "variety of windows",
         "",
-        1.0,
         "share of the pose variance that differs between windows: 0 where all repeat one motion,"
         " whatever its size",
+        "no minibatch repeats",
     ),
     Statistic(
         "repeated",
         "repeated windows",
         "%",
-        100.0,
         "windows with another closer than half the median nearest distance of real windows",
+        "no minibatch repeats",
     ),
     Statistic(
         "bone_variation",
         "bone length variation",
         "%",
-        100.0,
         "standard deviation over time by mean length, mean over bones and recordings",
+        "no motion leaves the skeleton",
     ),
     Statistic(
-        "finger_distance", "finger tips to wrist", "cm", 100.0, "mean distance over finger tips"
+        "finger_distance",
+        "finger tips to wrist",
+        "cm",
+        "mean distance over finger tips",
+        "too far without the finger penalty",
     ),
     Statistic(
         "seam",
         "seam jump, long form",
         "times",
-        1.0,
         "median step of the joints where windows of a recording meet, over the median step"
         " elsewhere",
     ),
@@ -124,7 +143,6 @@ STATISTICS: tuple[Statistic, ...] = (
         "window_jump",
         "jump between windows",
         "times",
-        1.0,
         "the same for windows put one after another as the network makes them, with nothing that"
         " joins them",
     ),
@@ -132,30 +150,29 @@ STATISTICS: tuple[Statistic, ...] = (
         "window_jump_size",
         "jump between windows",
         "cm",
-        100.0,
         "median step of the joints where such windows meet",
+        "larger without the continuity penalty",
     ),
     Statistic(
         "phase_shares",
         "phase shares, JS distance",
         "",
-        1.0,
         "Jensen-Shannon distance of the phases' shares of time",
+        "further without phase",
         to_real=True,
     ),
     Statistic(
         "phase_transitions",
         "phase transitions, JS distance",
         "",
-        1.0,
         "Jensen-Shannon distance of which phase follows which",
+        "further without phase",
         to_real=True,
     ),
     Statistic(
         "phase_durations",
         "phase durations, JS distance",
         "",
-        1.0,
         "Jensen-Shannon distance of how long a phase lasts, mean over phases",
         to_real=True,
     ),
@@ -163,7 +180,6 @@ STATISTICS: tuple[Statistic, ...] = (
         "fgd",
         "FGD",
         "",
-        1.0,
         "Fréchet gesture distance over whole recordings, in the common evaluation space",
         to_real=True,
     ),

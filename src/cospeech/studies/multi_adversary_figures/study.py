@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowDataset, WindowSpec
@@ -17,32 +16,33 @@ from cospeech.evaluation import evaluate_recordings, reference_rows, standard_ca
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.capabilities import MakesJoints
 from cospeech.metrics.encoder import GestureEncoder
-from cospeech.metrics.gesture_statistics.findings import judge
-from cospeech.metrics.gesture_statistics.measuring import measure_systems
-from cospeech.metrics.gesture_statistics.phase_structure import (
-    PhaseStructure,
-    count_phases,
-    phase_structure,
-)
-from cospeech.metrics.gesture_statistics.systems import REAL, Setting, SystemMotion
+from cospeech.metrics.phase_structure import PhaseStructure, count_phases, phase_structure
 from cospeech.motion.gesture_joints import gesture_joints
-from cospeech.reporting.gesture_figures import GestureFigures, text_table, write_gesture_figures
 from cospeech.reporting.record import write_json
-from cospeech.studies.gestures.held_out import (
-    FPS,
-    FRAMES,
-    VELOCITY_WINDOWS,
-    held_out_part,
-    takes_of,
-    training_mean_pose,
-)
-from cospeech.studies.gestures.results import as_json, study_facts
-from cospeech.studies.gestures.systems import (
+from cospeech.studies.multi_adversary_figures.findings import judge
+from cospeech.studies.multi_adversary_figures.generating import (
     TrainedSystem,
     in_paper_order,
     label_joints,
     motion_of,
 )
+from cospeech.studies.multi_adversary_figures.held_out import (
+    VELOCITY_WINDOWS,
+    held_out_part,
+    takes_of,
+    training_mean_pose,
+)
+from cospeech.studies.multi_adversary_figures.measured import (
+    FPS,
+    FRAMES,
+    REAL,
+    Setting,
+    SystemMotion,
+)
+from cospeech.studies.multi_adversary_figures.measuring import measure_systems
+from cospeech.studies.multi_adversary_figures.page import write_page
+from cospeech.studies.multi_adversary_figures.results import as_json, study_facts
+from cospeech.studies.multi_adversary_figures.tables import text_table
 
 RANGE_WINDOWS = 50
 """As many as the paper's figure 11 takes; fewer where the part has fewer."""
@@ -99,47 +99,35 @@ def multi_adversary_figures(
         window_recordings=held_out.windows.recordings[chosen],
         range_windows=np.sort(rng.permutation(count)[:RANGE_WINDOWS]),
         phase_classes=() if classifier is None else classifier.classes,
-        fps=FPS,
     )
-    pitches = [take.pitch for take in held_out.takes]
 
-    def phases_of(recordings: Sequence[NDArray[np.float32]]) -> list[NDArray[np.int64]] | None:
-        if classifier is None:
-            return None
-        return [
-            label_joints(classifier, joints, layout, pitch)
-            for joints, pitch in zip(recordings, pitches, strict=True)
-        ]
+    def judged(motion: SystemMotion, row: Mapping[str, float]) -> SystemMotion:
+        """With its phases, and its distance in the evaluation space."""
+        phases = None
+        if classifier is not None:
+            phases = [
+                label_joints(classifier, joints, layout, take.pitch)
+                for joints, take in zip(motion.recordings, held_out.takes, strict=True)
+            ]
+        interval = (row["fgd_low"], row["fgd_high"]) if "fgd_low" in row else None
+        return replace(motion, phases=phases, fgd=row.get("fgd"), fgd_interval=interval)
 
     catalogue = standard_catalogue()
-    floor = reference_rows(store, encoder, split, seed, catalogue).get("real_halves", {}).get("fgd")
-    real_recordings = [take.joints for take in held_out.takes]
-    motions = [
-        SystemMotion(
-            name=REAL,
-            windows=held_out.windows.batch(chosen).require("joints").numpy(),
-            recordings=real_recordings,
-            side_by_side=real_recordings,
-            phases=phases_of(real_recordings),
-            border_frames=FRAMES,
-            fgd=floor,
-        )
-    ]
+    halves = reference_rows(store, encoder, split, seed, catalogue).get("real_halves", {})
+    windows = held_out.windows.batch(chosen).require("joints").numpy()
+    recordings = [take.joints for take in held_out.takes]
+    motions = [judged(SystemMotion(REAL, windows, recordings, recordings), halves)]
     for system in in_paper_order(systems):
-        motions.append(motion_of(system, held_out, chosen, layout, phases_of))
+        motion = motion_of(system, held_out, chosen, layout.roles)
         row = evaluate_recordings(system.method, store, split, encoder, catalogue)
-        ends = row.get("fgd_low"), row.get("fgd_high")
-        interval = None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
-        motions[-1] = replace(motions[-1], fgd=row["fgd"], fgd_interval=interval)
+        motions.append(judged(motion, row))
     statistics = measure_systems(setting, motions, seed)
     verdicts = judge(statistics)
     annotated = None if classifier is None else _annotated(store, split, classifier)
-    facts = study_facts(store, encoder, split, systems, classifier, setting, held_out, seed)
+    facts = study_facts(held_out, split, encoder, classifier, setting, statistics, seed)
     facts += about
     page = folder / "figures.html"
-    write_gesture_figures(
-        GestureFigures(store.name, split, setting, statistics, verdicts, facts, annotated), page
-    )
+    write_page(page, store.name, split, setting, statistics, verdicts, facts, annotated)
     result = {"facts": dict(facts), **as_json(setting, statistics, verdicts)}
     write_json(folder / "figures.json", result)
     print(text_table(statistics, verdicts))
