@@ -413,7 +413,9 @@ def test_what_was_dropped_is_counted_by_reason(tmp_path):
     page = page_of(store_of(tmp_path, recordings, dropped), tmp_path)
     assert re.search(r"kept</td><td[^>]*>4</td><td[^>]*>50\.0 %", page)
     assert re.search(r"no words</td><td[^>]*>3</td><td[^>]*>37\.5 %", page)
-    assert re.search(r"fault: damaged</td><td[^>]*flag[^>]*>1</td><td[^>]*>12\.5 %", page)
+    assert re.search(
+        r"fault: damaged</td><td[^>]*><span class=.flag.>1</span></td><td[^>]*>12\.5 %", page
+    )
     # faults first
     assert page.index("<code>bad</code>: NaN at frame 7") < page.index("<code>clip0</code>")
 

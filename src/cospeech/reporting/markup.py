@@ -78,7 +78,8 @@ def html_table(
     lines = [line("td", row) for row in rows]
     if heads:
         lines.insert(0, line("th", heads))
-    return f'<table class="{style}">{"".join(lines)}</table>'
+    opened = f'<table class="{style}">' if style else "<table>"
+    return f"{opened}{''.join(lines)}</table>"
 
 
 def markdown(text: object) -> str:
