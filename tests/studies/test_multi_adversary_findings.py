@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from cospeech.metrics.movement import HOLD_SPEED, JITTER_FREQUENCY
 from cospeech.metrics.resampling import Estimate
 from cospeech.studies.multi_adversary_figures.findings import (
     AGREES,
     DISAGREES,
-    FINDINGS,
     PARTLY,
     UNCLEAR,
     judge,
@@ -21,7 +21,7 @@ from cospeech.studies.multi_adversary_figures.measured import (
     SystemStatistics,
 )
 from cospeech.studies.multi_adversary_figures.measuring import measure_systems, scattered_positions
-from cospeech.studies.multi_adversary_figures.statistics import STATISTICS
+from cospeech.studies.multi_adversary_figures.paper import FINDINGS, STATISTICS
 
 ROLES = ("left_elbow", "left_wrist", "right_elbow", "right_wrist", "left_thumb_tip")
 BONES = ((0, 1), (2, 3), (1, 4))
@@ -251,5 +251,13 @@ def test_without_its_systems_a_finding_has_no_answer():
 
 
 def test_findings_are_about_statistics_that_exist():
-    keys = {statistic.key for statistic in STATISTICS}
-    assert {c.statistic for finding in FINDINGS for c in finding.comparisons} <= keys
+    assert {c.statistic for finding in FINDINGS for c in finding.comparisons} <= set(STATISTICS)
+
+
+def test_every_statistic_is_measured_and_says_its_thresholds():
+    phases = [np.repeat([0, 1, 0], 100)] * 10
+    systems = [system("real", 0.1, phases=phases), system("full", 0.2, phases=phases)]
+    _, full = measure_systems(setting(("a", "b")), systems, 0, 20)
+    assert list(full.numbers) == list(STATISTICS)
+    assert f"slower than {100 * HOLD_SPEED:g} cm/s" in STATISTICS["held"].meaning
+    assert f"above {JITTER_FREQUENCY:g} Hz" in STATISTICS["jitter"].meaning

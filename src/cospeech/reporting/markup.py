@@ -50,9 +50,9 @@ def html_sections(sections: Sequence[tuple[str, str, str]]) -> list[str]:
 
 
 def html_facts(facts: Iterable[tuple[str, str]]) -> str:
-    """Names with their values, both HTML, as a section of a page."""
+    """A list of names with their values, both HTML."""
     rows = "".join(f"<dt>{name}</dt><dd>{value}</dd>" for name, value in facts)
-    return f'<section><dl class="facts">{rows}</dl></section>'
+    return f'<dl class="facts">{rows}</dl>'
 
 
 def html_table(

@@ -121,28 +121,23 @@ def _apart(groups: Sequence[Group]) -> list[tuple[str, list[tuple[Group, Run]]]]
 def _results_section(results: Results, folder: Path) -> list[str]:
     colours = {id(group): colour for group, colour in _coloured(results.groups)}
     members = [(group, run) for group in results.groups for run in (*group.runs, *group.superseded)]
-    lines = []
+    rows = []
     for row in results.rows:
         group = row.get("group")
-        cells = []
-        for column in results.columns:
-            text = _cell(row.get(column.key))
-            if column.key == "label" and group is not None:
-                text = _swatch(colours[id(group)]) + text
-            cells.append(f"<td{_number_class(column)}>{text}</td>")
-        lines.append(f"<tr{' class=reference' if group is None else ''}>{''.join(cells)}</tr>")
-    heads = "".join(f"<th{_number_class(c)}>{escaped(c.heading)}</th>" for c in results.columns)
-    table = f"<section><table><tr>{heads}</tr>{''.join(lines)}</table></section>"
+        cells = {column.key: _cell(row.get(column.key)) for column in results.columns}
+        if group is None:
+            cells = {key: f'<span class="muted">{text}</span>' for key, text in cells.items()}
+        elif "label" in cells:
+            cells["label"] = _swatch(colours[id(group)]) + cells["label"]
+        rows.append(list(cells.values()))
+    numbers = [i for i, c in enumerate(results.columns) if c.key not in _TEXT_COLUMNS]
+    table = html_table([escaped(c.heading) for c in results.columns], rows, numbers)
     return [
         f"<h2>{escaped(results.title)}</h2>",
-        table if lines else "",
+        f"<section>{table}</section>" if rows else "",
         _curves(members),
         _runs_table(members, folder, [c for c in results.columns if c.key in ("fgd", "interval")]),
     ]
-
-
-def _number_class(column: Column) -> str:
-    return "" if column.key in _TEXT_COLUMNS else ' class="number"'
 
 
 def _cell(value: Any) -> str:

@@ -151,4 +151,5 @@ def _made(store: Store) -> str:
     covered = "<details><summary>what the fingerprint covers</summary><pre>{}</pre></details>"
     settings = json.dumps(manifest["parameters"], indent=1, ensure_ascii=False)[:20_000]
     shown = [(key, escaped(value)) for key, value in facts]
-    return html_facts([*shown, ("settings", covered.format(escaped(settings)))])
+    listed = html_facts([*shown, ("settings", covered.format(escaped(settings)))])
+    return f"<section>{listed}</section>"

@@ -17,9 +17,9 @@ from cospeech.methods.capabilities import MakesJoints
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.progress import progress_bar
 from cospeech.speech.speech import Speech
-from cospeech.studies.multi_adversary_figures.findings import PAPER_SYSTEMS
 from cospeech.studies.multi_adversary_figures.held_out import HeldOut
 from cospeech.studies.multi_adversary_figures.measured import FPS, SystemMotion
+from cospeech.studies.multi_adversary_figures.paper import PAPER_SYSTEMS
 
 _BATCH = 64
 

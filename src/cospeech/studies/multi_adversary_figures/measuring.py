@@ -25,7 +25,7 @@ from cospeech.studies.multi_adversary_figures.measured import (
     SystemMotion,
     SystemStatistics,
 )
-from cospeech.studies.multi_adversary_figures.statistics import STATISTICS
+from cospeech.studies.multi_adversary_figures.paper import STATISTICS
 
 RESAMPLES = 400
 _HALVES = 20
@@ -98,15 +98,15 @@ class _Ruler:
                 one.estimates.update(self._against_real(one))
         seeds = tuple(member.seed for member in members)
         numbers = {}
-        for statistic in STATISTICS:
-            if statistic.key in measured[0].estimates:
-                each = [one.estimates[statistic.key] for one in measured]
+        for key, statistic in STATISTICS.items():
+            if key in measured[0].estimates:
+                each = [one.estimates[key] for one in measured]
                 mean = combined(lambda *values: np.mean(values, axis=0), *each)
                 interval = mean.interval(reflected=statistic.to_real)
-                if statistic.key == "fgd" and len(members) == 1:
+                if key == "fgd" and len(members) == 1:
                     interval = members[0].fgd_interval
                 by_seed = dict(zip(seeds, (one.value for one in each), strict=True))
-                numbers[statistic.key] = Number(mean, by_seed, interval)
+                numbers[key] = Number(mean, by_seed, interval)
         curve, *draws = np.mean([one.curve for one in measured], axis=0)
         counts = [count for one in measured for count in one.counts]
         return SystemStatistics(

@@ -23,7 +23,7 @@ from cospeech.studies.multi_adversary_figures.measured import (
     Setting,
     SystemStatistics,
 )
-from cospeech.studies.multi_adversary_figures.statistics import STATISTICS, Statistic
+from cospeech.studies.multi_adversary_figures.paper import STATISTICS
 from cospeech.studies.multi_adversary_figures.styles import shown, style_of, title_of
 
 _NOT_RUN = "not run"
@@ -43,9 +43,9 @@ _ALIKE = 1.05
 def text_table(systems: Sequence[SystemStatistics], verdicts: Sequence[Verdict]) -> str:
     """The numbers for a terminal, a row per statistic, and a line per finding."""
     rows: list[dict[str, Any]] = [
-        {"statistic": statistic.heading}
-        | {system.name: shown(_value(system, statistic)) for system in systems}
-        for statistic in _measured(systems)
+        {"statistic": STATISTICS[key].heading}
+        | {system.name: shown(_value(system, key)) for system in systems}
+        for key in _measured(systems)
     ]
     columns = [Column("statistic", " "), *(Column(s.name, title_of(s.name)) for s in systems)]
     lines = [
@@ -93,14 +93,15 @@ def numbers_table(systems: Sequence[SystemStatistics]) -> str:
     )
     lines = []
     wide = f'<td colspan="{len(systems)}">'
-    for statistic in _measured(systems):
-        cells = "".join(_cell(system, statistic) for system in systems)
+    for key in _measured(systems):
+        statistic = STATISTICS[key]
+        cells = "".join(_cell(system, key) for system in systems)
         expected = f"<b>paper:</b> {escaped(statistic.paper)}; " if statistic.paper else ""
         lines.append(
             f'<tr class="title">{wide}<b>{escaped(statistic.heading)}</b>'
             f" <span>{escaped(statistic.meaning)}</span></td></tr>"
             f'<tr class="values">{cells}</tr>'
-            f'<tr class="order">{wide}{expected}<b>here:</b> {_order(systems, statistic)}</td></tr>'
+            f'<tr class="order">{wide}{expected}<b>here:</b> {_order(systems, key)}</td></tr>'
         )
     return f'<table class="numbers"><tr>{heads}</tr>{"".join(lines)}</table>'
 
@@ -119,39 +120,39 @@ def bones_table(systems: Sequence[SystemStatistics], setting: Setting) -> str:
     return html_table(heads, rows, range(1, len(heads)))
 
 
-def _measured(systems: Sequence[SystemStatistics]) -> list[Statistic]:
-    return [s for s in STATISTICS if any(s.key in system.numbers for system in systems)]
+def _measured(systems: Sequence[SystemStatistics]) -> list[str]:
+    return [key for key in STATISTICS if any(key in system.numbers for system in systems)]
 
 
-def _value(system: SystemStatistics, statistic: Statistic) -> float:
+def _value(system: SystemStatistics, key: str) -> float:
     """In the unit shown; NaN where it wasn't measured."""
-    number = system.numbers.get(statistic.key)
-    return math.nan if number is None else statistic.factor * number.value
+    number = system.numbers.get(key)
+    return math.nan if number is None else STATISTICS[key].factor * number.value
 
 
-def _cell(system: SystemStatistics, statistic: Statistic) -> str:
-    number = system.numbers.get(statistic.key)
+def _cell(system: SystemStatistics, key: str) -> str:
+    number = system.numbers.get(key)
     if number is None:
         return f"<td>{MISSING}</td>"
-    factor = statistic.factor
+    factor = STATISTICS[key].factor
     text = shown(factor * number.value)
     if number.interval is not None:
         text += f"<small>{' to '.join(shown(factor * end) for end in number.interval)}</small>"
-    if statistic.key == "velocity":
+    if key == "velocity":
         text += f"<small>{shown(factor * number.value / FPS)} cm/frame</small>"
     if len(system.seeds) > 1:
         seeds = " · ".join(shown(factor * value) for value in number.by_seed.values())
         text += f'<small class="seeds">{seeds}</small>'
-    floor = system.name == REAL and statistic.to_real
+    floor = system.name == REAL and STATISTICS[key].to_real
     return f"<td{' class=floor' if floor else ''}>{text}</td>"
 
 
-def _order(systems: Sequence[SystemStatistics], statistic: Statistic) -> str:
+def _order(systems: Sequence[SystemStatistics], key: str) -> str:
     """Names from the largest number to the smallest."""
     values = {
-        escaped(title_of(system.name)): _value(system, statistic)
+        escaped(title_of(system.name)): _value(system, key)
         for system in systems
-        if not (system.name == REAL and statistic.to_real)
+        if not (system.name == REAL and STATISTICS[key].to_real)
     }
     known = [name for name in values if not math.isnan(values[name])]
     known.sort(key=lambda name: -values[name])
@@ -178,7 +179,7 @@ def _grouped(parts: Iterable[Compared]) -> list[list[Compared]]:
 def _comparison(group: Sequence[Compared]) -> str:
     """Both sides with their numbers, and how sure."""
     first = group[0]
-    statistic = next(s for s in STATISTICS if s.key == first.statistic)
+    statistic = STATISTICS[first.statistic]
     smaller, larger = (
         ", ".join(
             f"{escaped(title_of(name))} <b>{shown(statistic.factor * value)}</b>"
