@@ -163,7 +163,7 @@ def test_real_motion_and_half_of_it(store, held_out, classifier, tmp_path, capsy
     ]
     result = multi_adversary_figures(store, encoder(), "test", tmp_path, systems, classifier, 0)
     kept = json.loads((tmp_path / "figures.json").read_text())
-    assert kept["findings"] == result["findings"]
+    assert kept["findings"] == json.loads(json.dumps(result["findings"]))
     real, full, half = kept["systems"]
     assert [real["name"], full["name"], half["name"]] == ["real", "full", "mse_only"]
     assert full["seeds"] == [1, 3]
