@@ -29,6 +29,19 @@ if TYPE_CHECKING:
 SERIES = tuple(f"c{i}" for i in range(1, 11))
 """Names of the colours of what is compared; they repeat after ten."""
 
+_PHASES = {
+    "preparation": "p1",
+    "stroke": "p2",
+    "hold": "p3",
+    "pre_hold": "p4",
+    "independent_hold": "p5",
+    "rest_hold": "p6",
+    "partial_retract": "p7",
+    "retract": "p8",
+    "retraction": "p8",
+    "rest": "p6",
+}
+_ON_LIGHT, _ON_DARK = "#10151c", "#fefefe"
 _LOG_RATIO = 30
 _FARTHEST = 1e100
 _PICTURE_DPI = 160
@@ -59,6 +72,13 @@ def colour(name: str) -> str:
     In a page's SVG it becomes the style sheet's variable again, and so follows the theme.
     """
     return _theme()[name]
+
+
+def phase_colours(phase: str) -> tuple[str, str]:
+    """A gesture phase's colour, and that of text on it; grey for one not known."""
+    name = _PHASES.get(phase, "p0")
+    on_it = {"p0": colour("text"), "p2": _ON_DARK, "p5": _ON_DARK}.get(name, _ON_LIGHT)
+    return colour(name), on_it
 
 
 @contextmanager
@@ -118,6 +138,14 @@ def new_axes(
     rectangle = (place / side for place, side in zip(frame, scale, strict=True))
     figure = new_figure(width, height)
     return figure, figure.add_axes(tuple(rectangle))  # type: ignore[arg-type]
+
+
+def pixel_axes(width: float, height: float) -> tuple[Figure, Axes]:
+    """A figure that is all one place to draw on, in pixels of a page from its lower left corner."""
+    figure, axes = new_axes(width, height, left=0, right=0, top=0, bottom=0)
+    axes.set(xlim=(0, width), ylim=(0, height))
+    axes.axis("off")
+    return figure, axes
 
 
 def titled(artist: Artist, text: str) -> None:

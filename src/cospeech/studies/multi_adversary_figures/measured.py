@@ -9,8 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
-from cospeech.metrics.gesture_statistics.resampling import Array, Estimate
+from cospeech.metrics.phase_structure import PhaseStructure
+from cospeech.metrics.resampling import Array, Estimate
+
+FPS = 20.0
+FRAMES = 100
+"""Of a window, 5 s."""
 
 REAL = "real"
 """Name of the system that is the recordings themselves."""
@@ -27,7 +31,6 @@ class Setting:
         window_recordings: ``(N,)`` which recording each window is of.
         range_windows: Indices of the windows whose range is measured (the paper: 50).
         phase_classes: Names of the phases in `SystemMotion.phases`; empty without.
-        fps: Frames per second of all motion.
     """
 
     roles: tuple[str, ...]
@@ -36,7 +39,6 @@ class Setting:
     window_recordings: NDArray[np.integer]
     range_windows: NDArray[np.integer]
     phase_classes: tuple[str, ...] = ()
-    fps: float = 20.0
 
     @cached_property
     def wrists(self) -> tuple[int, int]:
@@ -57,9 +59,9 @@ class SystemMotion:
         name: E.g. ``"full"``; `REAL` for the recordings themselves.
         windows: ``(N, T, J, 3)`` windows, metres, the same speech in all systems.
         recordings: ``(T, J, 3)`` of each whole recording.
-        border_frames: Frames from the start of one window to the next in ``recordings``.
         side_by_side: The same recordings as windows put one after another, without anything that
-            joins them; windows as long as those of ``windows``. None leaves their jumps out.
+            joins them; windows as long as those of ``windows``.
+        border_frames: Frames from the start of one window to the next in ``recordings``.
         phases: ``(T,)`` phase of each step of each recording, by one classifier for all systems;
             None without one.
         seed: Of the training.
@@ -70,12 +72,32 @@ class SystemMotion:
     name: str
     windows: NDArray[np.floating]
     recordings: Sequence[NDArray[np.floating]]
-    border_frames: int = 100
-    side_by_side: Sequence[NDArray[np.floating]] | None = None
+    side_by_side: Sequence[NDArray[np.floating]]
+    border_frames: int = FRAMES
     phases: Sequence[NDArray[np.integer]] | None = None
     seed: int | None = None
     fgd: float | None = None
     fgd_interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Number:
+    """A statistic of a system, SI units.
+
+    Attributes:
+        mean: Over training seeds.
+        by_seed: Seed -> its value.
+        interval: 95 % over recordings, of the mean; None where there is none.
+    """
+
+    mean: Estimate
+    by_seed: dict[int | None, float]
+    interval: tuple[float, float] | None
+
+    @property
+    def value(self) -> float:
+        """Of the mean."""
+        return self.mean.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +107,8 @@ class SystemStatistics:
     Attributes:
         name: Of the system.
         seeds: Training seeds, in the order of the rest.
-        estimates: Statistic -> mean over seeds, SI units; keys are those of
-            `cospeech.metrics.gesture_statistics.catalogue.STATISTICS`. For
-            `REAL`, the distances to real are between random halves of its recordings.
-        by_seed: Statistic -> value of each seed.
-        intervals: Statistic -> 95 % interval over recordings; None where there is none.
+        numbers: By the key of a `Statistic`. For `REAL`, the distances to real are between random
+            halves of its recordings.
         velocity: ``(T - 1,)`` median wrist velocity per step, m/s, mean over seeds.
         velocity_band: ``(2, T - 1)`` 95 % interval of it; None without draws.
         ranges: ``(S, n)`` metres, range of each window by seed.
@@ -100,9 +119,7 @@ class SystemStatistics:
 
     name: str
     seeds: tuple[int | None, ...]
-    estimates: dict[str, Estimate]
-    by_seed: dict[str, tuple[Estimate, ...]]
-    intervals: dict[str, tuple[float, float] | None]
+    numbers: dict[str, Number]
     velocity: Array
     velocity_band: Array | None
     ranges: Array

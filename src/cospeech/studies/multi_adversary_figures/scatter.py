@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.metrics.gesture_statistics.systems import Setting, SystemStatistics
 from cospeech.reporting.charts import (
     chart_style,
     colour,
@@ -16,8 +15,9 @@ from cospeech.reporting.charts import (
     front_view,
     inline_svg,
 )
-from cospeech.reporting.gesture_figures.system_styles import title_of
 from cospeech.reporting.markup import escaped
+from cospeech.studies.multi_adversary_figures.measured import Setting, SystemStatistics
+from cospeech.studies.multi_adversary_figures.styles import title_of
 
 _PX_PER_M = 190.0
 _LARGEST = 2.0

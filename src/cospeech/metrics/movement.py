@@ -1,8 +1,11 @@
-"""What keeps motion from looking human: stretching bones, repetition, jitter, seams."""
+"""How joints move, in numbers: speed, reach, holds, jitter, seams, repetition, stretching bones.
+
+Positions are ``(..., J, 3)`` in metres.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +18,66 @@ HOLD_SPEED = 0.1
 
 JITTER_FREQUENCY = 4.0
 """Hz above which wrist motion counts as jitter; people gesture below it."""
+
+
+def wrist_velocities(windows: ArrayLike, wrists: Sequence[int], fps: float) -> Array:
+    """Velocity of the wrists at each step of each window (Ferstl et al. 2020, equation 6).
+
+    ``v(t) = |x(t) - x(t-1)| + |y(t) - y(t-1)| + |z(t) - z(t-1)|`` per wrist: a sum of absolute
+    values, which is up to 1.73 times the Euclidean speed. The paper does not say which wrist it
+    draws; this is the mean over ``wrists``.
+
+    Args:
+        windows: ``(N, T, J, 3)``, metres.
+        wrists: Indices of the wrists.
+        fps: Steps per second.
+
+    Returns:
+        ``(N, T - 1)`` m/s; divided by ``fps`` they are the paper's offsets per frame.
+    """
+    steps = np.abs(np.diff(np.asarray(windows, dtype=np.float64)[:, :, list(wrists)], axis=1))
+    velocities: Array = steps.sum(-1).mean(-1) * fps
+    return velocities
+
+
+def median_curve(velocities: Array) -> Array:
+    """Median over windows at each step, ``(T - 1,)``, of ``(N, T - 1)`` (equation 7 there)."""
+    curve: Array = np.median(velocities, axis=0)
+    return curve
+
+
+def area_between(curve: Array, other: Array, fps: float) -> float:
+    """Area between two curves, ``sum |a(t) - b(t)| / fps``.
+
+    Of two velocity curves in m/s it is in metres: how much further one travels than the other,
+    where what it lacks in one place does not make up for another.
+
+    Raises:
+        ValueError: The curves have different lengths.
+    """
+    if curve.shape != other.shape:
+        raise ValueError(f"curves of {curve.shape} and {other.shape} steps")
+    return float(np.abs(curve - other).sum() / fps)
+
+
+def farthest_reaches(windows: ArrayLike, wrists: Sequence[int], mean_pose: ArrayLike) -> Array:
+    """How far each window takes a wrist from where it is in the mean pose.
+
+    ``max over t, w of || p(t, w) - mean(w) ||``, the paper's "maximum distance of the wrists from
+    mean pose".
+
+    Args:
+        windows: ``(N, T, J, 3)``, metres.
+        wrists: Indices of the wrists.
+        mean_pose: ``(J, 3)`` mean of the training part, metres.
+
+    Returns:
+        ``(N,)`` metres.
+    """
+    chosen = list(wrists)
+    away = np.asarray(windows, dtype=np.float64)[:, :, chosen] - np.asarray(mean_pose)[chosen]
+    reaches: Array = np.linalg.norm(away, axis=-1).max(axis=(1, 2))
+    return reaches
 
 
 def bone_lengths(positions: ArrayLike, bones: Sequence[tuple[int, int]]) -> Array:
@@ -140,10 +203,8 @@ def mean_jerk(windows: ArrayLike, joints: Sequence[int], fps: float) -> Array:
     return jerk
 
 
-def velocity_power(
-    windows: ArrayLike, joints: Sequence[int], fps: float, frequency: float = JITTER_FREQUENCY
-) -> Array:
-    """Power of the joints' velocity above a frequency, and in all, per window.
+def velocity_power(windows: ArrayLike, joints: Sequence[int], fps: float) -> Array:
+    """Power of the joints' velocity above `JITTER_FREQUENCY`, and in all, per window.
 
     Of the one-sided spectrum of the velocity's components under a Hann window. Their ratio, of
     sums over windows, is the share of jitter: unlike jerk, it does not grow with the motion.
@@ -152,32 +213,28 @@ def velocity_power(
         windows: ``(N, T, J, 3)``.
         joints: Indices of the joints.
         fps: Steps per second.
-        frequency: Hz.
 
     Returns:
-        ``(N, 2)``: above ``frequency``, and at all frequencies.
+        ``(N, 2)``: above that frequency, and at all.
     """
     steps = np.diff(np.asarray(windows, dtype=np.float64)[:, :, list(joints)], axis=1)
     taper = np.hanning(steps.shape[1] + 2)[1:-1].reshape(1, -1, 1, 1)
     power = np.square(np.abs(np.fft.rfft(steps * taper, axis=1))).sum(axis=(2, 3))
     frequencies = np.fft.rfftfreq(steps.shape[1], 1 / fps)
-    return np.stack([power[:, frequencies > frequency].sum(-1), power.sum(-1)], axis=-1)
+    return np.stack([power[:, frequencies > JITTER_FREQUENCY].sum(-1), power.sum(-1)], axis=-1)
 
 
-def held_share(
-    windows: ArrayLike, wrists: Sequence[int], fps: float, speed: float = HOLD_SPEED
-) -> Array:
-    """Share of steps in which every wrist is slower than ``speed`` (Euclidean, m/s), ``(N,)``."""
+def held_share(windows: ArrayLike, wrists: Sequence[int], fps: float) -> Array:
+    """Share of steps in which every wrist is slower than `HOLD_SPEED` (Euclidean), ``(N,)``."""
     steps = np.diff(np.asarray(windows, dtype=np.float64)[:, :, list(wrists)], axis=1)
-    share: Array = (np.linalg.norm(steps, axis=-1) * fps < speed).all(-1).mean(-1)
+    share: Array = (np.linalg.norm(steps, axis=-1) * fps < HOLD_SPEED).all(-1).mean(-1)
     return share
 
 
 def border_steps(recording: ArrayLike, window: int) -> tuple[Array, Array]:
     """Steps across the borders of the windows that a motion was made of, and those inside.
 
-    A step is how far joints move from a frame to the next, in the mean over joints. The seam jump
-    is the median step at borders over the median step inside: 1 where no seam can be told.
+    A step is how far joints move from a frame to the next, in the mean over joints.
 
     Args:
         recording: ``(T, J, 3)``, metres, cut into windows from its first frame on.
@@ -190,3 +247,18 @@ def border_steps(recording: ArrayLike, window: int) -> tuple[Array, Array]:
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1).mean(-1)
     at_border = np.arange(1, len(positions)) % window == 0
     return steps[at_border], steps[~at_border]
+
+
+def seam_jump(steps: Iterable[tuple[Array, Array]]) -> float:
+    """How much larger the steps at the borders of windows are than those inside.
+
+    Args:
+        steps: From `border_steps` of each recording.
+
+    Returns:
+        The median at borders over the median inside: 1 where no seam can be told. NaN where there
+        is no border or nothing moves inside.
+    """
+    at_border, inside = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+    usual = float(np.median(inside)) if len(inside) else 0.0
+    return float(np.median(at_border)) / usual if len(at_border) and usual > 0 else float("nan")

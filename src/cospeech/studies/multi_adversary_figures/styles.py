@@ -1,10 +1,9 @@
-"""How systems and phases are drawn: told apart by dash, marker and name as well as by colour."""
+"""How systems are named and drawn: told apart by dash and marker as well as by colour."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from cospeech.reporting.charts import SERIES
 
@@ -13,24 +12,10 @@ _TITLES = {
     "mse_only": "MSE only",
     "no_phase_no_displacement": "no phase, no displacement",
 }
-
 _DASHES = ((), (7, 3), (2, 2.5), (10, 3, 2, 3), (5, 5), (12, 4), (1, 4), (8, 2, 1, 2, 1, 2))
 _MARKERS = ("o", "s", "^", "D", "v")
 SMALLEST = 0.001
 """A smaller number is shown as about 0."""
-
-_PHASE_COLOURS = {
-    "preparation": "p1",
-    "stroke": "p2",
-    "hold": "p3",
-    "pre_hold": "p4",
-    "independent_hold": "p5",
-    "rest_hold": "p6",
-    "partial_retract": "p7",
-    "retract": "p8",
-    "retraction": "p8",
-    "rest": "p6",
-}
 
 
 def title_of(name: str) -> str:
@@ -38,8 +23,7 @@ def title_of(name: str) -> str:
     return _TITLES.get(name, name.replace("_", " "))
 
 
-@dataclass(frozen=True)
-class SystemStyle:
+class SystemStyle(NamedTuple):
     """How a system is drawn.
 
     Attributes:
@@ -53,19 +37,14 @@ class SystemStyle:
     marker: str
 
 
-def system_styles(names: Sequence[str]) -> dict[str, SystemStyle]:
-    """A style for every system; the first is real motion, solid and without markers."""
-    styles = {names[0]: SystemStyle("c0", (), "")}
-    for i, name in enumerate(names[1:]):
-        styles[name] = SystemStyle(
-            SERIES[i % len(SERIES)], _DASHES[i % len(_DASHES)], _MARKERS[i % len(_MARKERS)]
-        )
-    return styles
-
-
-def phase_colour(phase: str) -> str:
-    """Name of a phase's colour in the pages' style sheet; grey for one that is not known."""
-    return _PHASE_COLOURS.get(phase, "p0")
+def style_of(place: int) -> SystemStyle:
+    """The style of the system at a place; the first is real motion, solid and without markers."""
+    if place == 0:
+        return SystemStyle("c0", (), "")
+    i = place - 1
+    return SystemStyle(
+        SERIES[i % len(SERIES)], _DASHES[i % len(_DASHES)], _MARKERS[i % len(_MARKERS)]
+    )
 
 
 def shown(value: float | None, digits: int = 3) -> str:

@@ -1,4 +1,4 @@
-"""The page of gesture figures: what is drawn where, and that it needs nothing else."""
+"""The page of the paper's figures: what is drawn where, and that it needs nothing else."""
 
 import dataclasses
 import re
@@ -9,20 +9,25 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from cospeech.metrics.gesture_statistics.findings import judge
-from cospeech.metrics.gesture_statistics.measuring import measure_systems
-from cospeech.metrics.gesture_statistics.phase_structure import count_phases, phase_structure
-from cospeech.metrics.gesture_statistics.systems import Setting, SystemMotion
-from cospeech.reporting.gesture_figures import GestureFigures, text_table, write_gesture_figures
-from cospeech.reporting.gesture_figures.curves import range_chart, velocity_chart
-from cospeech.reporting.gesture_figures.phase_charts import (
+from cospeech.metrics.phase_structure import count_phases, phase_structure
+from cospeech.studies.multi_adversary_figures.curves import range_chart, velocity_chart
+from cospeech.studies.multi_adversary_figures.findings import judge
+from cospeech.studies.multi_adversary_figures.measured import Setting, SystemMotion
+from cospeech.studies.multi_adversary_figures.measuring import measure_systems
+from cospeech.studies.multi_adversary_figures.page import write_page
+from cospeech.studies.multi_adversary_figures.phase_charts import (
     duration_chart,
     share_chart,
     transition_matrices,
 )
-from cospeech.reporting.gesture_figures.scatter import scatter_panels
-from cospeech.reporting.gesture_figures.system_styles import shown, system_styles, title_of
-from cospeech.reporting.gesture_figures.texts import findings_table, numbers_table, tally
+from cospeech.studies.multi_adversary_figures.scatter import scatter_panels
+from cospeech.studies.multi_adversary_figures.styles import shown, style_of, title_of
+from cospeech.studies.multi_adversary_figures.tables import (
+    findings_table,
+    numbers_table,
+    tally,
+    text_table,
+)
 from tests.reporting.drawn import drawn, texts
 
 HOSTILE = '</td><script>alert("1")</script>&'
@@ -46,7 +51,7 @@ def motion(name, speed, seed=None):
     takes = [windows[i : i + 4].reshape(400, 9, 3) for i in range(0, 24, 4)]
     rng = np.random.default_rng(len(name))
     phases = [np.repeat(rng.integers(0, 4, 40), 10) for _ in takes]
-    return SystemMotion(name, windows, takes, side_by_side=takes, phases=phases, seed=seed, fgd=1.0)
+    return SystemMotion(name, windows, takes, takes, phases=phases, seed=seed, fgd=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +61,9 @@ def systems():
 
 
 def page(systems, tmp_path, **changes):
-    figures = GestureFigures("corpus", "test", SETTING, systems, judge(systems), [("seed", "0")])
-    path = write_gesture_figures(dataclasses.replace(figures, **changes), tmp_path / "page.html")
+    given = {"corpus": "corpus", "split": "test", "setting": SETTING, "facts": [("seed", "0")]}
+    path = tmp_path / "page.html"
+    write_page(path, systems=systems, verdicts=judge(systems), **given | changes)
     return path.read_text(encoding="utf-8")
 
 
@@ -121,7 +127,7 @@ def test_everything_from_outside_is_escaped(tmp_path):
 
 
 def test_a_line_is_where_its_velocity_is(systems):
-    chart = velocity_chart(systems, system_styles([s.name for s in systems]), 20.0)
+    chart = velocity_chart(systems)
     lines = {title: paths[0] for title, paths in drawn(chart)}
     real, full, collapsed = (lines[name] for name in ("real", "full model", "no minibatch"))
     assert len(real) == 99
@@ -135,17 +141,16 @@ def test_a_line_is_where_its_velocity_is(systems):
 
 
 def test_lines_differ_without_their_colours():
-    names = ["real", *"abcdefghijkl"]
-    styles = system_styles(names)
-    assert len({(style.dash, style.marker) for style in styles.values()}) == len(names)
-    assert len({style.colour for style in list(styles.values())[:11]}) == 11
-    assert [style.colour for style in styles.values()].count("c0") == 1
+    styles = [style_of(place) for place in range(13)]
+    assert len({(style.dash, style.marker) for style in styles}) == len(styles)
+    assert len({style.colour for style in styles[:11]}) == 11
+    assert [style.colour for style in styles].count("c0") == 1
 
 
 def test_lines_are_named_in_the_order_in_which_they_end():
     motions = [motion("real", 0.01), *(motion(f"s{i}", 0.0015 * i, 0) for i in range(12))]
     found = measure_systems(SETTING, motions, 0, 5)
-    chart = velocity_chart(found, system_styles([s.name for s in found]), 20.0)
+    chart = velocity_chart(found)
     names = [text for text in texts(chart) if re.fullmatch(r"real|s\d+", text)]
     assert names == ["s11", "s10", "s9", "s8", "s7", "real", *(f"s{i}" for i in range(6, -1, -1))]
     root = ElementTree.fromstring(chart)
@@ -158,7 +163,7 @@ def test_lines_are_named_in_the_order_in_which_they_end():
 def test_a_point_per_window_and_seed_in_the_range_chart():
     motions = [motion("real", 0.01), motion("full", 0.02, 0), motion("full", 0.03, 1)]
     found = measure_systems(SETTING, motions, 0, 5)
-    chart = range_chart(found, system_styles([s.name for s in found]))
+    chart = range_chart(found)
     ids = {e.get("id"): e.get("style") for e in ElementTree.fromstring(chart).iter("path")}
     points = Counter(ids[e.get("href")[1:]] for e in ElementTree.fromstring(chart).iter("use"))
     by_colour = {re.search(r"--(c\d+)", style)[1]: count for style, count in points.items()}
@@ -212,7 +217,7 @@ def test_long_durations_end_in_an_arrow_and_missing_ones_are_named():
 
 
 def test_the_numbers_are_in_the_tables(systems):
-    table = numbers_table(systems, system_styles([s.name for s in systems]))
+    table = numbers_table(systems)
     assert "<td>20.0<small>20.0 to 20.0</small><small>1.00 cm/frame</small></td>" in table
     assert "no minibatch &gt; real &gt; full model" in table
     text = text_table(systems, judge(systems))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 from cospeech.corpus.windows import WindowDataset
 from cospeech.errors import CospeechError
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.judges.phase_classifier.step_sequences import centred
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import MakesJoints
-from cospeech.metrics.gesture_statistics.findings import PAPER_SYSTEMS
-from cospeech.metrics.gesture_statistics.systems import SystemMotion
 from cospeech.motion.gesture_joints import GestureJoints
 from cospeech.progress import progress_bar
 from cospeech.speech.speech import Speech
-from cospeech.studies.gestures.held_out import FPS, FRAMES, HeldOut
+from cospeech.studies.multi_adversary_figures.held_out import HeldOut
+from cospeech.studies.multi_adversary_figures.measured import FPS, SystemMotion
+from cospeech.studies.multi_adversary_figures.paper import PAPER_SYSTEMS
 
 _BATCH = 64
 
@@ -46,7 +45,6 @@ def in_paper_order(systems: Sequence[TrainedSystem]) -> list[TrainedSystem]:
     return sorted(systems, key=lambda s: (order.get(s.name, len(order)), s.name, s.seed))
 
 
-@torch.no_grad()
 def label_joints(
     classifier: FrozenPhaseClassifier,
     joints: NDArray[np.float32],
@@ -54,8 +52,6 @@ def label_joints(
     pitch: NDArray[np.float32],
 ) -> NDArray[np.int64]:
     """Likeliest phase of each step of a recording at 20 fps.
-
-    Windows of 5 s overlap, and only the middle of each counts.
 
     Args:
         classifier: The classifier.
@@ -66,27 +62,15 @@ def label_joints(
     Returns:
         ``(T,)`` class indices; the first frame, which no step leads to, has the second's.
     """
-    windows, keep = centred(len(joints), FRAMES)
-    positions = torch.from_numpy(joints)[torch.from_numpy(windows)]
-    hertz = torch.from_numpy(pitch)[torch.from_numpy(windows)]
-    scores = classifier.class_probabilities(
-        classifier.choose(positions, layout), hertz if classifier.pitch else None
-    )
-    labels = scores.numpy()[keep].argmax(axis=-1)
+    chosen = classifier.choose(torch.from_numpy(joints), layout).numpy()
+    labels = classifier.step_probabilities(chosen, pitch).argmax(axis=-1)
     return np.concatenate([labels[:1], labels])
 
 
-Labeller = Callable[[Sequence[NDArray[np.float32]]], list[NDArray[np.int64]] | None]
-
-
 def motion_of(
-    system: TrainedSystem,
-    held_out: HeldOut,
-    chosen: NDArray[np.int64],
-    layout: GestureJoints,
-    phases_of: Labeller,
+    system: TrainedSystem, held_out: HeldOut, chosen: NDArray[np.int64], roles: Sequence[str]
 ) -> SystemMotion:
-    """All that a system makes for the held-out speech."""
+    """What a system makes for the held-out speech, its joints in the order of the roles."""
     method = system.method
     assert isinstance(method, MakesJoints)
     training = method.training
@@ -94,7 +78,7 @@ def motion_of(
     takes = held_out.takes
     title = f"{system.name}, seed {system.seed}"
     recordings = [
-        _generated(system, held_out.store.speech(take.span), len(take.joints), layout)
+        _generated(system, held_out.store.speech(take.span), len(take.joints), roles)
         for take in progress_bar(takes, len(takes), title)
     ]
     windows = _sampled(method, held_out.windows, chosen)
@@ -108,9 +92,8 @@ def motion_of(
         windows=windows,
         recordings=recordings,
         side_by_side=side_by_side,
-        phases=phases_of(recordings),
-        seed=system.seed,
         border_frames=method.border_frames(),
+        seed=system.seed,
     )
 
 
@@ -127,22 +110,22 @@ def _sampled(
 
 
 def _generated(
-    system: TrainedSystem, speech: Speech, frames: int, layout: GestureJoints
+    system: TrainedSystem, speech: Speech, frames: int, roles: Sequence[str]
 ) -> NDArray[np.float32]:
     """Motion for a recording, ``(frames, J, 3)`` in the order of the roles."""
     assert isinstance(system.method, MakesJoints)
     motion = system.method.generate_joints(speech)
     names = list(motion.skeleton.joints)
-    if motion.fps != FPS or set(layout.roles) - set(names):
+    if motion.fps != FPS or set(roles) - set(names):
         raise CospeechError(
             f"{system.name}: motion of {', '.join(names)} at {motion.fps:g} fps, where the corpus"
-            f" has {', '.join(layout.roles)} at {FPS:g} fps",
+            f" has {', '.join(roles)} at {FPS:g} fps",
             "judge a run on the corpus that it was trained on",
         )
     if len(motion) < frames - 1:
         raise CospeechError(
             f"{system.name}: {len(motion)} frames of motion for speech of {frames} frames"
         )
-    joints = motion.positions[:frames, [names.index(role) for role in layout.roles]]
+    joints = motion.positions[:frames, [names.index(role) for role in roles]]
     # a recording can end with motion that its audio no longer covers
     return np.concatenate([joints, joints[-1:].repeat(frames - len(joints), axis=0)])

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cospeech.metrics.gesture_statistics.systems import REAL, SystemStatistics
 from cospeech.reporting.charts import chart_style, colour, inline_svg, new_axes, titled
-from cospeech.reporting.gesture_figures.system_styles import SystemStyle, title_of
 from cospeech.reporting.markup import one_line
+from cospeech.studies.multi_adversary_figures.measured import FPS, SystemStatistics
+from cospeech.studies.multi_adversary_figures.styles import style_of, title_of
 
 _WIDTH, _HEIGHT, _LEFT = 1080, 420, 62
 _MARK_EVERY = 14
@@ -21,9 +21,7 @@ _CM = 100.0
 
 
 @chart_style()
-def velocity_chart(
-    systems: Sequence[SystemStatistics], styles: dict[str, SystemStyle], fps: float
-) -> str:
+def velocity_chart(systems: Sequence[SystemStatistics]) -> str:
     """Median wrist velocity at each step, every system in one SVG chart.
 
     Lines differ in dash and marker too, and are named in the order in which they end. The band is
@@ -31,20 +29,18 @@ def velocity_chart(
 
     Args:
         systems: Real first.
-        styles: By name.
-        fps: Steps per second.
     """
     figure, axes = new_axes(_WIDTH, _HEIGHT, _LEFT, right=282, top=22, bottom=46)
     steps = np.arange(1, len(systems[0].velocity) + 1)
-    lines = {}
+    handles = []
     for place, system in reversed(list(enumerate(systems))):
-        style = styles[system.name]
+        style = style_of(place)
         title = one_line(title_of(system.name))
-        (lines[system.name],) = axes.plot(
+        (line,) = axes.plot(
             steps,
             _CM * system.velocity,
             color=colour(style.colour),
-            linewidth=3.4 if system.name == REAL else 1.8,
+            linewidth=1.8 if place else 3.4,
             linestyle=(0, style.dash) if style.dash else "-",
             marker=style.marker,
             markersize=6,
@@ -52,7 +48,8 @@ def velocity_chart(
             markevery=((3 + 5 * place) % _MARK_EVERY, _MARK_EVERY),
             label=title,
         )
-        titled(lines[system.name], title)
+        titled(line, title)
+        handles.append((float(system.velocity[-1]), -place, line))
     band = systems[0].velocity_band
     if band is not None:
         axes.fill_between(steps, *(_CM * band), color=colour("c0"), alpha=0.1, linewidth=0)
@@ -60,17 +57,16 @@ def velocity_chart(
     axes.set_xticks([1, *range(10, len(steps) + 1, 10)])
     axes.yaxis.set_major_formatter("{x:g}")
     axes.grid(axis="y")
-    axes.set_xlabel(f"predicted step ({fps:g} per second, {len(steps)} of them)")
+    axes.set_xlabel(f"predicted step ({FPS:g} per second, {len(steps)} of them)")
     axes.set_ylabel("median wrist velocity, cm/s")
     per_frame = axes.secondary_yaxis(
         "right",
-        functions=(lambda speed: np.divide(speed, fps), lambda move: np.multiply(move, fps)),
+        functions=(lambda speed: np.divide(speed, FPS), lambda move: np.multiply(move, FPS)),
     )
     per_frame.set_ylabel("cm per frame")
     per_frame.yaxis.set_major_formatter("{x:g}")
-    handles = [lines[s.name] for s in sorted(systems, key=lambda s: -float(s.velocity[-1]))]
     axes.legend(
-        handles=handles,
+        handles=[line for *_, line in sorted(handles, reverse=True)],
         loc="center left",
         bbox_to_anchor=(1.08, 0.5),
         handlelength=3.5,
@@ -80,7 +76,7 @@ def velocity_chart(
 
 
 @chart_style()
-def range_chart(systems: Sequence[SystemStatistics], styles: dict[str, SystemStyle]) -> str:
+def range_chart(systems: Sequence[SystemStatistics]) -> str:
     """Range of each window as a point, quartiles as a box, one column per system, in SVG.
 
     Training seeds have their points side by side, and one box together. The dashed line is the
@@ -91,7 +87,7 @@ def range_chart(systems: Sequence[SystemStatistics], styles: dict[str, SystemSty
     under: dict[str, Any] = {"ha": "center", "transform": axes.transAxes}
     slot = (_WIDTH - _LEFT - 16) / len(systems)
     for place, system in enumerate(systems):
-        style, values = styles[system.name], _CM * system.ranges
+        style, values = style_of(place), _CM * system.ranges
         ink = colour(style.colour)
         width = min(44 / slot, 0.34)
         drawn = axes.boxplot(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,7 @@ DURATION_EDGES_S = (0.0, 0.15, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, np
 """Bins in which durations are compared; steps of about 1.4, as phases are half a second long."""
 
 
-@dataclass(frozen=True, eq=False)
-class PhaseCounts:
+class PhaseCounts(NamedTuple):
     """Countable facts of one recording's labels; those of several recordings add up.
 
     Attributes:
@@ -91,10 +91,9 @@ def phase_structure(counts: Sequence[PhaseCounts], fps: float) -> PhaseStructure
         counts: From `count_phases`; a recording may be there twice when resampled.
         fps: Steps per second.
     """
-    steps = np.sum([c.steps for c in counts], axis=0)
-    segments = np.sum([c.segments for c in counts], axis=0)
-    transitions = np.sum([c.transitions for c in counts], axis=0)
-    durations = np.sum([c.durations for c in counts], axis=0)
+    steps, segments, transitions, durations = (
+        np.sum(parts, axis=0) for parts in zip(*counts, strict=True)
+    )
     return PhaseStructure(
         shares=_share(steps, steps.sum()),
         mean_durations_s=_share(steps, segments) / fps,
@@ -109,30 +108,28 @@ def _share(part: Array, whole: Array) -> Array:
     return np.divide(part, whole, out=np.full(part.shape, np.nan), where=whole > 0)
 
 
-@dataclass(frozen=True, eq=False)
-class PhaseDistances:
+class PhaseDistances(NamedTuple):
     """Jensen-Shannon distances (base 2, 0 to 1) between two structures.
 
     Attributes:
         shares: Of the shares of time.
         transitions: Of the transitions as shares of all.
-        durations: ``(K,)`` of each phase's durations; 1 where only one side has the phase, 0 where
-            neither has.
+        durations: Of each phase's durations, in the mean over phases; 1 where only one side has the
+            phase, 0 where neither has.
     """
 
     shares: float
     transitions: float
-    durations: Array
+    durations: float
 
 
 def phase_distances(structure: PhaseStructure, real: PhaseStructure) -> PhaseDistances:
     """How far one structure is from another."""
+    durations = map(_distance, structure.durations, real.durations)
     return PhaseDistances(
         _distance(structure.shares, real.shares),
         _distance(structure.pairs.ravel(), real.pairs.ravel()),
-        np.array(
-            [_distance(*rows) for rows in zip(structure.durations, real.durations, strict=True)]
-        ),
+        float(np.mean(list(durations))),
     )
 
 

@@ -7,9 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from cospeech.metrics.gesture_statistics.phase_structure import PhaseStructure
-from cospeech.reporting.charts import chart_style, colour, inline_svg, new_axes, new_figure, titled
-from cospeech.reporting.gesture_figures.system_styles import phase_colour
+from cospeech.metrics.phase_structure import PhaseStructure
+from cospeech.reporting.charts import (
+    chart_style,
+    colour,
+    inline_svg,
+    new_axes,
+    new_figure,
+    phase_colours,
+    titled,
+)
 from cospeech.reporting.markup import escaped, one_line
 
 Row = tuple[str, PhaseStructure]
@@ -18,7 +25,6 @@ Row = tuple[str, PhaseStructure]
 _LABEL, _WIDTH = 196, 1080
 _LONGEST = 2.5
 _STRONG = 0.55
-_ON_LIGHT, _ON_DARK = "#10151c", "#fefefe"
 
 
 @chart_style()
@@ -28,13 +34,13 @@ def share_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
     shares = np.nan_to_num([structure.shares for _, structure in rows])
     starts = np.cumsum(shares, axis=1) - shares
     for k, phase in enumerate(classes):
-        name, fill = _name(phase), phase_colour(phase)
+        name, (fill, ink) = _name(phase), phase_colours(phase)
         bars = axes.barh(
             range(len(rows)),
             shares[:, k],
             left=starts[:, k],
             height=0.74,
-            color=colour(fill),
+            color=fill,
             edgecolor=colour("panel"),
             label=name,
         )
@@ -42,7 +48,6 @@ def share_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
             share = float(shares[row, k])
             titled(bar, f"{name}: {100 * share:.1f} %")
             if share > 0.03:
-                ink = {"p0": colour("text"), "p2": _ON_DARK, "p5": _ON_DARK}.get(fill, _ON_LIGHT)
                 place = (starts[row, k] + share / 2, row)
                 text = f"{100 * share:.0f} %"
                 axes.annotate(text, place, color=ink, ha="center", va="center")
@@ -74,7 +79,7 @@ def duration_chart(rows: Sequence[Row], classes: Sequence[str]) -> str:
     beside["color"] = colour("muted")
     first: dict[str, Any] = {"ls": (0, (5, 4)), "lw": 1, "alpha": 0.6, "zorder": 1}
     for k, (phase, axes) in enumerate(zip(classes, panels, strict=True)):
-        fill = colour(phase_colour(phase))
+        fill, _ = phase_colours(phase)
         axes.set_title(_name(phase), fontsize=11.5)
         for row, value in enumerate(durations[:, k].tolist()):
             if not np.isfinite(value):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +15,11 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.progress import progress_bar
 from cospeech.speech.feature_sets.opensmile import COEFFICIENTS
+from cospeech.studies.multi_adversary_figures.measured import FPS, FRAMES
 
 VELOCITY_WINDOWS = 150
 """As many as the paper's figure 11 takes; fewer where the part has fewer."""
 
-FPS = 20.0
-FRAMES = 100
 _STRIDES = (100, 50, 25)
 
 _logger = logging.getLogger(__name__)
@@ -79,18 +77,17 @@ def held_out_part(store: Store, split: str) -> HeldOut:
             split,
             VELOCITY_WINDOWS,
         )
-    return HeldOut(store, windows, list(_takes(windows)))
-
-
-def _takes(windows: WindowDataset) -> Iterator[Take]:
     tracks = windows.tracks
-    for sequence in takes_of(windows):
-        yield Take(
+    takes = [
+        Take(
             tracks.spans[tracks.span_of[sequence]],
             sequence,
             tracks.values("joints", sequence),
             tracks.values("acoustics", sequence)[:, COEFFICIENTS].copy(),
         )
+        for sequence in takes_of(windows)
+    ]
+    return HeldOut(store, windows, takes)
 
 
 def takes_of(windows: WindowDataset) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,15 +29,10 @@ class Estimate:
     value: float
     draws: Array
 
-    def combined(
-        self, other: Estimate, combine: Callable[[ArrayLike, ArrayLike], ArrayLike]
-    ) -> Estimate:
-        """``combine(self, other)``, draw by draw; no draws where either side has none."""
-        paired = len(self.draws) == len(other.draws)
-        draws = combine(self.draws, other.draws) if paired else np.zeros(0)
-        return Estimate(
-            float(np.asarray(combine(self.value, other.value))), np.asarray(draws, dtype=np.float64)
-        )
+    @classmethod
+    def of(cls, rows: Array) -> Estimate:
+        """From ``(1 + R,)`` values of `Resampling.rows`."""
+        return cls(float(rows[0]), rows[1:])
 
     def interval(self, level: float = 0.95, reflected: bool = False) -> tuple[float, float] | None:
         """The range that holds ``level`` of the draws.
@@ -59,13 +54,13 @@ class Estimate:
         return low, high
 
 
-def mean_estimate(estimates: Sequence[Estimate]) -> Estimate:
-    """The mean of one number over training seeds, draw by draw."""
+def combined(combine: Callable[..., ArrayLike], *estimates: Estimate) -> Estimate:
+    """What ``combine`` makes of several numbers, draw by draw; no draws where one has none."""
     draws = [estimate.draws for estimate in estimates]
-    paired = len({len(d) for d in draws}) == 1
+    paired = len({len(each) for each in draws}) == 1
     return Estimate(
-        float(np.mean([estimate.value for estimate in estimates])),
-        np.mean(draws, axis=0) if paired else np.zeros(0),
+        float(np.asarray(combine(*(estimate.value for estimate in estimates)))),
+        np.asarray(combine(*draws), dtype=np.float64) if paired else np.zeros(0),
     )
 
 
@@ -93,21 +88,16 @@ class Resampling:
             drawn = rng.integers(self.groups, size=self.groups)
             self.draws.append(np.concatenate([of_group[group] for group in drawn]))
 
+    def rows(self, statistic: Callable[[NDArray[np.int64]], ArrayLike]) -> Array:
+        """``(1 + R, ...)``: a statistic of all items, and then of those of every draw."""
+        chosen = (np.arange(self.items), *self.draws)
+        return np.array([statistic(items) for items in chosen], dtype=np.float64)
+
     def estimate(self, statistic: Callable[[NDArray[np.int64]], float]) -> Estimate:
         """A statistic of chosen items, on all of them and on every draw."""
-        everything = np.arange(self.items)
-        return Estimate(
-            float(statistic(everything)),
-            np.array([statistic(drawn) for drawn in self.draws], dtype=np.float64),
-        )
+        return Estimate.of(self.rows(statistic))
 
     def mean(self, values: ArrayLike) -> Estimate:
         """The mean of ``(N,)`` values."""
         values = np.asarray(values, dtype=np.float64)
         return self.estimate(lambda chosen: values[chosen].mean())
-
-    def curves(self, statistic: Callable[[NDArray[np.int64]], Array]) -> tuple[Array, Array]:
-        """A statistic that is a curve: ``(T,)`` on all items and ``(R, T)`` on every draw."""
-        curve = statistic(np.arange(self.items))
-        draws = [statistic(drawn) for drawn in self.draws]
-        return curve, np.array(draws).reshape(len(draws), len(curve))
