@@ -1,6 +1,9 @@
 """A metric that one line of yaml names stands everywhere, and reads what the method doesn't."""
 
+import importlib
+import linecache
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +17,7 @@ from hydra.utils import instantiate
 from callbacks.evaluate_fgd import EvaluateFGD
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.windows import WindowDataset, WindowSpec
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, CospeechError
 from cospeech.evaluation import (
     Catalogue,
     EpochEvaluation,
@@ -22,7 +25,6 @@ from cospeech.evaluation import (
     reference_rows,
     standard_catalogue,
 )
-from cospeech.evaluation.catalogue import values_of
 from cospeech.evaluation.epochs import cut_field
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.fgd import FrechetGestureDistance
@@ -176,8 +178,8 @@ def test_a_row_asks_no_other_process(store, encoder):
     metric.distributed_available_fn, metric.dist_sync_fn = (lambda: True), asked
     alone = Catalogue({"fgd": metric})
     assert "fgd" in reference_rows(store, encoder, "val", 3, alone)["noise"]
-    with pytest.raises(AssertionError, match="another process"):
-        values_of(alone.fresh())
+    with pytest.raises(CospeechError, match="another process was asked"):
+        alone.fresh().compute()
 
 
 def test_what_a_metric_can_not_read_is_not_judged(tmp_path, encoder):
@@ -196,6 +198,159 @@ def test_what_a_metric_can_not_read_is_not_judged(tmp_path, encoder):
 def test_anything_else_in_the_catalogue_is_refused():
     with pytest.raises(ConfigError, match=r"metrics\.catalogue\.x is a Linear"):
         Catalogue({"x": torch.nn.Linear(1, 1)})
+
+
+@pytest.mark.parametrize(
+    ("declared", "told"),
+    [
+        ({"title": "two\nlines"}, "no title in one line"),
+        ({"title": "\x1b[31mred"}, "no title in one line"),
+        ({"title": 101 * "x"}, "no title in one line"),
+        ({"title": ""}, "no title in one line"),
+        ({"title": ("a", "b")}, "no title in one line"),
+        ({"parts": {"slow": 3}}, "no title in one line"),
+        ({"unit": None}, "unit that isn't text"),
+        ({"higher_is_better": "yes"}, "which is better"),
+        ({"compares": "pair"}, "compares 'pair'"),
+        ({"needs": "audio"}, "no set of names"),
+        ({"needs": {"sound"}}, "needs sound"),
+        ({"needs": {"matched"}}, "needs matched"),
+    ],
+)
+def test_what_a_metric_says_of_itself_is_checked(declared, told):
+    odd = type("Odd", (Loudness,), declared)()
+    with pytest.raises(ConfigError, match=told) as refused:
+        Catalogue({"odd": odd})
+    assert "metrics.catalogue.odd: Odd" in str(refused.value)
+
+
+def test_a_metric_without_a_title_is_refused():
+    class Untitled(MeanOverWindows):
+        pass
+
+    with pytest.raises(ConfigError, match="no title"):
+        Catalogue({"untitled": Untitled()})
+
+
+@pytest.mark.parametrize("name", ["windows", "fgd_low", "interval", "row", "fgd_extrapolated"])
+def test_what_rows_hold_beside_metrics_is_no_metrics_name(name):
+    with pytest.raises(ConfigError, match="and so has the evaluation"):
+        Catalogue({name: Loudness()})
+
+
+class Two(Loudness):
+    title, parts = "quiet and loud", {"loud": "loud"}
+
+    def compute(self):
+        return {"value": self.total / self.count, "loud": self.count, "unsaid": -self.count}
+
+
+def test_values_of_a_metric_are_called_by_its_name_and_have_their_columns(store, encoder):
+    catalogue = Catalogue({"two": Two(), "my_fgd": FrechetGestureDistance()})
+    row = evaluate_recordings(Still(), store, "val", encoder, catalogue)
+    assert row["two"] == pytest.approx(loudness_of(store, "val"), rel=1e-3)
+    assert row["two_loud"] == -row["two_unsaid"] == row["windows"]
+    assert row["my_fgd"] == row["my_fgd_mean_term"] + row["my_fgd_covariance_term"]
+    assert "fgd" not in row
+    columns = {column["key"]: column["title"] for column in catalogue.described()}
+    assert columns == {
+        "two": "quiet and loud, full scale",
+        "two_loud": "loud, full scale",
+        "my_fgd": "FGD",
+    }
+    with pytest.raises(ConfigError, match=r"'two_loud', and so has metrics\.catalogue\.two"):
+        Catalogue({"two": Two(), "two_loud": Loudness()})
+
+
+@pytest.mark.parametrize(
+    ("computed", "told"),
+    [
+        (torch.zeros(3), r"odd has the shape \(3,\)"),
+        ("much", "fails"),
+        ({"low": torch.tensor(1.0)}, "fgd_low is another value's name"),
+    ],
+)
+def test_a_metric_that_fails_is_named(store, encoder, computed, told):
+    class Odd(Loudness):
+        def compute(self):
+            return computed
+
+    name = "fgd" if isinstance(computed, dict) else "odd"
+    with pytest.raises(CospeechError, match=told) as refused:
+        evaluate_recordings(Still(), store, "val", encoder, Catalogue({name: Odd()}))
+    assert f"the metric {name} (Odd) fails" in str(refused.value)
+    assert f"~metrics.catalogue.{name}" in str(refused.value)
+
+
+def test_a_metric_that_raises_is_named(store, encoder):
+    class Raises(Loudness):
+        def mean(self, generated, real):
+            raise ValueError("boom")
+
+    with pytest.raises(CospeechError, match=r"the metric odd \(Raises\) fails: boom"):
+        reference_rows(store, encoder, "val", 0, Catalogue({"odd": Raises()}))
+
+
+def test_a_metric_that_is_no_number_is_told(store, encoder, caplog):
+    class Nothing(Loudness):
+        def mean(self, generated, real):
+            return torch.tensor(float("nan"))
+
+    evaluate_recordings(Still(), store, "val", encoder, Catalogue({"odd": Nothing()}))
+    assert "the metric odd is nan" in caplog.text
+
+
+class Chosen(Loudness):
+    def __init__(self, joints=("left_wrist",), threshold=0.1, weights=None):
+        super().__init__()
+        self.joints, self._threshold, self.weights = joints, threshold, weights
+
+
+def test_rows_are_made_anew_when_any_setting_of_a_metric_changes():
+    settings = [
+        {},
+        {"joints": ["right_wrist"]},
+        {"joints": ["left_wrist", "right_wrist"]},
+        {"joints": None},
+        {"threshold": 0.2},
+        {"weights": torch.ones(2)},
+        {"weights": {"a": np.ones(2)}},
+        {"weights": {"a": np.zeros(2)}},
+        {"weights": {1, 2}},
+    ]
+    digests = [Catalogue({"chosen": Chosen(**each)}).digest for each in settings]
+    assert len(set(digests)) == len(settings)
+    assert digests == [Catalogue({"chosen": Chosen(**each)}).digest for each in settings]
+
+
+def test_rows_are_made_anew_when_the_code_behind_a_metric_changes(tmp_path, monkeypatch):
+    """Its own file, its base's, and one that these take a function from; nobody else's."""
+    package = tmp_path / "mine"
+    package.mkdir()
+    files = {
+        "__init__": "",
+        "base": "from tests.evaluation.test_catalogue import Loudness\nfrom mine import formulas\n"
+        "class Base(Loudness): pass\n",
+        "formulas": "def twice(x): return 2 * x\n",
+        "metric": "from mine.base import Base\nclass Mine(Base): title = 'mine'\n",
+        "other": "X = 1\n",
+    }
+
+    def digest(**changed):
+        for name, text in {**files, **changed}.items():
+            (package / f"{name}.py").write_text(text)
+        for name in [name for name in sys.modules if name.partition(".")[0] == "mine"]:
+            del sys.modules[name]
+        linecache.clearcache()
+        importlib.invalidate_caches()
+        return Catalogue({"mine": importlib.import_module("mine.metric").Mine()}).digest
+
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    before = digest()
+    for name in ("base", "formulas", "metric"):
+        assert digest(**{name: files[name] + "# changed\n"}) != before, name
+    assert digest(other="X = 2\n") == digest() == before
 
 
 def test_windows_of_twenty_frames_a_second_are_cut_at_their_times():

@@ -12,7 +12,7 @@ from cospeech.corpus.features import FIELDS
 from cospeech.corpus.features.field import SpeechField
 from cospeech.corpus.windows import WindowSpec
 from cospeech.errors import CospeechError
-from cospeech.evaluation.catalogue import Catalogue, values_of
+from cospeech.evaluation.catalogue import Catalogue
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.evaluation_windows import EvaluationWindows, cut_windows
 from cospeech.motion.upper_body import EVALUATION_FPS, EVALUATION_FRAMES, EVALUATION_STRIDE
@@ -36,7 +36,7 @@ class EpochEvaluation:
         window: WindowSpec,
         device: torch.device,
     ) -> None:
-        self._metrics = {name: m.to(device) for name, m in catalogue.fresh().items()}
+        self._measurement = catalogue.fresh().to(device)
         self._encoder = encoder.to(device)
         self._window, self._needs = window, catalogue.needs
 
@@ -73,12 +73,11 @@ class EpochEvaluation:
         real = cut_windows(recorded)
         of_real = EvaluationWindows(real, self._encoder.encode_positions(real), fields)
         made = of_real.moving(cut, self._encoder.encode_positions(cut))
-        for metric in self._metrics.values():
-            metric.update(made, of_real)
+        self._measurement.update(made, of_real)
 
     def compute(self) -> dict[str, Tensor]:
         """The metrics' values by name, over all processes."""
-        return values_of(self._metrics)
+        return self._measurement.compute()
 
 
 def cut_field(name: str, values: Tensor, window: WindowSpec, per_item: int) -> Tensor:
