@@ -75,7 +75,7 @@ def test_equals_numpy_and_scipy_on_the_features(encoder):
     # The encoder's float32 output varies with batch size, in its seventh digit.
     values = metric.compute()
     assert values["value"].item() == pytest.approx(expected, rel=1e-5)
-    assert values["fgd"].dtype == torch.float64
+    assert values["value"].dtype == torch.float64
     assert values["mean_term"].item() == pytest.approx(mean_term, rel=1e-5)
     assert values["mean_term"] + values["covariance_term"] == values["value"]
 
