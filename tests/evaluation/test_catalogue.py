@@ -14,6 +14,7 @@ from hydra.utils import instantiate
 from callbacks.evaluate_fgd import EvaluateFGD
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.recording import Recording
+from cospeech.corpus.splits import Span
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError
 from cospeech.evaluation import (
@@ -219,9 +220,14 @@ def spoken(tmp_path_factory):
     return make_store(tmp_path_factory.mktemp("spoken"), takes)
 
 
+@pytest.mark.parametrize("begins", [0, 20])
 @pytest.mark.parametrize("fps", [15, 20, 25, 10])
-def test_an_epoch_reads_of_a_window_what_the_recordings_protocol_reads(spoken, encoder, fps):
+def test_an_epoch_reads_of_a_window_what_the_recordings_protocol_reads(
+    spoken, encoder, fps, begins, monkeypatch
+):
     """Whatever the rate of the method, whose windows of 4 s each hold three of the evaluation."""
+    (whole,) = spoken.splits["val"]
+    monkeypatch.setitem(spoken.splits, "val", [Span(whole.recording, begins, whole.stop)])
     needs = frozenset({"words", "phases", "word_vectors", "audio", "speakers", "energy"})
     windows = WindowDataset(
         spoken, "val", WindowSpec(fps, 4 * fps, 0, 4 * fps), frozenset({"positions"})
