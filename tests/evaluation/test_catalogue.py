@@ -16,23 +16,27 @@ from hydra.utils import instantiate
 
 from callbacks.evaluate_fgd import EvaluateFGD
 from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.recording import Recording
+from cospeech.corpus.splits import Span
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.evaluation import (
     Catalogue,
     EpochEvaluation,
+    EvaluationFields,
     evaluate_recordings,
     reference_rows,
     standard_catalogue,
 )
-from cospeech.evaluation.epochs import cut_field
+from cospeech.evaluation.real_windows import judged_windows
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.joint_mae import JointMAE
 from cospeech.metrics.window_metric import MeanOverWindows
-from cospeech.motion.motion import Motion
+from cospeech.motion.motion import Motion, resample_positions
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.reporting.tables import result_table
+from cospeech.speech.speech import Word
 from tests.corpora import REST_POSE, make_recording, make_store
 
 WINDOW_SAMPLES = round(34 / 15 * 16000)
@@ -131,11 +135,11 @@ def test_rows_are_kept_for_their_metrics(store, encoder):
     assert whole.digest != Catalogue({"joint_mae": JointMAE()}).digest
 
 
-def test_an_epoch_has_it_and_the_batch_gets_its_field(store, encoder):
-    window = WindowSpec(15, 34, 4, 10)
-    windows = WindowDataset(store, "val", window, frozenset({"positions"}) | CATALOGUE.needs)
+def test_an_epoch_has_it(store, encoder):
+    windows = WindowDataset(store, "val", WindowSpec(15, 34, 4, 10), frozenset({"positions"}))
     callback = EvaluateFGD(SimpleNamespace(encoder=encoder, catalogue=CATALOGUE))
-    evaluation = EpochEvaluation(CATALOGUE, encoder, window, torch.device("cpu"))
+    fields = EvaluationFields(windows, CATALOGUE.needs)
+    evaluation = EpochEvaluation(CATALOGUE, encoder, fields, torch.device("cpu"))
     callback._evaluation = evaluation
     for index in range(len(windows)):
         batch = windows.batch([index])
@@ -353,32 +357,74 @@ def test_rows_are_made_anew_when_the_code_behind_a_metric_changes(tmp_path, monk
     assert digest(other="X = 2\n") == digest() == before
 
 
-def test_windows_of_twenty_frames_a_second_are_cut_at_their_times():
-    """Every field shows what there is at the evaluation's times."""
-    window = WindowSpec(20, 100, 0, 50, past=10)
-    frames = torch.arange(110.0)[None] - 10  # acoustics come with ten frames of the past
-    acoustics = cut_field("acoustics", frames[..., None] / 20, window, 5)
-    phases = cut_field("phases", torch.arange(100.0)[None] / 20, window, 5)
-    audio = cut_field("audio", torch.arange(80000.0)[None] / 16000, window, 5)
-    times = (10 * torch.arange(5)[:, None] + torch.arange(34)) / 15
-    assert (acoustics[..., 0] - times).abs().max() <= 0.5 / 20 + 1e-5
-    assert (phases - times).abs().max() <= 0.5 / 20 + 1e-5
-    assert audio.shape == (5, WINDOW_SAMPLES)
-    torch.testing.assert_close(audio[:, 0], times[:, 0], atol=1e-4, rtol=0)
-    assert cut_field("speakers", torch.tensor([3, 4]), window, 2).tolist() == [3, 3, 4, 4]
+ONSETS = (0.01, 0.3, 0.34, 1.02, 1.98, 2.05, 2.09, 3.31, 4.02, 4.61, 5.93, 6.01, 6.68, 8.4, 9.99)
 
 
-def test_sound_that_a_last_window_lacks_is_silence():
-    window = WindowSpec(15, 34, 4, 10)
-    audio = cut_field("audio", torch.ones(1, WINDOW_SAMPLES - 5), window, 1)
-    assert audio.sum() == WINDOW_SAMPLES - 5
-    assert audio.shape == (1, WINDOW_SAMPLES)
+@pytest.fixture(scope="module")
+def spoken(tmp_path_factory):
+    """Words that share frames, or reach over the beginnings of windows, and phases, at 60 fps."""
+    words = tuple(
+        Word(f"word{i}", onset, onset + 0.15 + 0.5 * (i % 3 == 0)) for i, onset in enumerate(ONSETS)
+    )
+    takes = list[Recording]()
+    for i in range(4):
+        take = make_recording(f"take{i}", seconds=12, words=words, seed=i)
+        frames = resample_positions(take.motion.positions, 15, 60)
+        labels = (np.arange(len(frames)) // 19 % 9).astype(np.int8)
+        takes.append(replace(take, motion=Motion(UPPER_BODY, 60.0, frames), phases=labels))
+    return make_store(tmp_path_factory.mktemp("spoken"), takes)
 
 
-def test_damaged_weights_are_told_of(encoder):
-    window = WindowSpec(15, 34, 4, 10)
+@pytest.mark.parametrize("begins", [0, 20])
+@pytest.mark.parametrize("fps", [15, 20, 25, 10])
+def test_an_epoch_reads_of_a_window_what_the_recordings_protocol_reads(
+    spoken, encoder, fps, begins, monkeypatch
+):
+    """Whatever the rate of the method, whose windows of 4 s each hold three of the evaluation."""
+    (whole,) = spoken.splits["val"]
+    monkeypatch.setitem(spoken.splits, "val", [Span(whole.recording, begins, whole.stop)])
+    needs = frozenset({"words", "phases", "word_vectors", "audio", "speakers", "energy"})
+    windows = WindowDataset(
+        spoken, "val", WindowSpec(fps, 4 * fps, 0, 4 * fps), frozenset({"positions"})
+    )
+    assert len(windows) >= 2
+    found = EvaluationFields(windows, needs).of(torch.arange(len(windows)))
+    spans = spoken.splits["val"]
+    judged, _ = judged_windows(spoken, "val", spans, encoder, needs)
+    alike = [6 * window + within for window in range(len(windows)) for within in range(3)]
+    assert found.keys() == needs
+    for name, values in judged.fields.items():
+        torch.testing.assert_close(found[name], values[alike], rtol=0, atol=0)
+    last = EvaluationFields(windows, needs).of(torch.tensor([1]))
+    torch.testing.assert_close(last["words"], judged.fields["words"][6:9])
+
+
+@pytest.mark.parametrize("fps", [15, 20, 25, 10])
+def test_every_onset_is_once_in_its_window(spoken, fps):
+    windows = WindowDataset(
+        spoken, "val", WindowSpec(fps, 4 * fps, 0, 4 * fps), frozenset({"positions"})
+    )
+    of_words = EvaluationFields(windows, frozenset({"words"})).of(torch.arange(len(windows)))
+    for row, first in zip(
+        of_words["words"], (0, 10, 20, 60, 70, 80, 120, 130, 140)[: 3 * len(windows)], strict=True
+    ):
+        expected = {}
+        for number, onset in enumerate(ONSETS):
+            end = onset + 0.15 + 0.5 * (number % 3 == 0)
+            frame = max(0, math.floor(onset * 15) - first)
+            if frame < 34 and end > first / 15:
+                expected[frame] = number
+        frames = row.nonzero().flatten().tolist()
+        assert frames == sorted(expected)
+        texts = [spoken.vocabulary[row[frame]] for frame in frames]
+        assert texts == [f"word{expected[frame]}" for frame in frames]
+
+
+def test_damaged_weights_are_told_of(store, encoder):
     positions = torch.randn(2, 34, 10, 3)
-    evaluation = EpochEvaluation(standard_catalogue(), encoder, window, torch.device("cpu"))
+    windows = WindowDataset(store, "val", WindowSpec(15, 34, 4, 10), frozenset({"positions"}))
+    fields = EvaluationFields(windows, frozenset())
+    evaluation = EpochEvaluation(standard_catalogue(), encoder, fields, torch.device("cpu"))
     batch = GestureBatch(torch.arange(2), positions=positions)
     with pytest.raises(Exception, match="its weights are damaged"):
         evaluation.update(positions / 0, batch)

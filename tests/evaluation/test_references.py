@@ -183,6 +183,32 @@ def test_one_recording_gives_the_rows_that_it_can(caplog):
         references.rows_of(encoder, [], real, ["only"] * 40, 0, METRICS)
 
 
+def test_the_mean_pose_and_what_is_damped_towards_it_are_the_training_s():
+    encoder = GestureEncoder(PoseAutoencoder(), [0.0] * 27)
+    generator = torch.Generator().manual_seed(0)
+    train = 3 + torch.randn(30, 34, 10, 3, generator=generator)
+    train[:20] += 6
+    real = torch.randn(24, 34, 10, 3, generator=generator)
+    batches = [encoded(encoder, batch) for batch in train.split((20, 5, 5))]
+    ids = [i // 4 for i in range(24)]
+    rows = references.rows_of(encoder, batches, encoded(encoder, real), ids, 0, METRICS)
+    pose = train.double().mean((0, 1))
+    from_pose = (real.double() - pose)[:, 4:].abs().mean().item()
+    assert rows["mean_pose"]["joint_mae"] == pytest.approx(from_pose, rel=1e-5)
+    assert rows["attenuated"]["joint_mae"] == pytest.approx(0.2 * from_pose, rel=1e-5)
+
+
+def test_batches_of_a_side_are_compared_with_the_real_windows_once():
+    encoder = GestureEncoder(PoseAutoencoder(), [0.0] * 27)
+    generator = torch.Generator().manual_seed(0)
+    made, real = (
+        encoded(encoder, torch.randn(n, 34, 10, 3, generator=generator)) for n in (60, 40)
+    )
+    whole = METRICS.row_of_batches([made], real, without="pairs")
+    parts = [made[torch.arange(first, first + 20)] for first in (0, 20, 40)]
+    assert METRICS.row_of_batches(parts, real, without="pairs") == pytest.approx(whole, rel=1e-4)
+
+
 def test_noise_study_shows_what_the_paper_reports(published, people):
     """Section 5.2, claim by claim, on other people and through the published encoder."""
     rows = {(row.disturbance, row.zeta): row for row in run_noise_study(published, people[0])}

@@ -332,6 +332,20 @@ def test_a_finished_run_is_judged_again_to_the_same_numbers(name, ready):
     assert values["final"] == {"split": "test", "recordings": again["recordings"]}
 
 
+def test_a_run_judged_on_another_split_has_that_splits_rows(ready):
+    run = ready.finished("knn")
+    evaluate(ready.outputs, f"run={run.folder}", "split=val")
+    values = json.loads(
+        (max((ready.outputs / "evaluations").iterdir()) / "evaluation.json").read_text()
+    )
+    assert values["final"]["split"] == "val"
+    real = np.concatenate([recorded(ready.store, span) for span in ready.store.splits["val"]])
+    reversed_in_time = numbers(ready.encoder, real[:, ::-1].copy(), real)
+    assert_row(values["references"]["time_reversed"], reversed_in_time)
+    made, _ = spoken(run.method(), ready.store, "val")
+    assert_row(values["final"]["recordings"], numbers(ready.encoder, made, real))
+
+
 def test_interrupted_and_gone_on_with_a_run_ends_as_if_it_had_not_been(trimodal, ready, tmp_path):
     settings = (*TRIMODAL, "logger=none", f"data.store_dir={ready.outputs / 'stores'}")
     stop = ("_target_=tests.trainings.Interrupt", "epoch=1", "batch=0")

@@ -237,7 +237,8 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     """An SVG element with axes and lines.
 
     The vertical axis is logarithmic, and says so, where positive values span more than a factor
-    of 30.
+    of 30. A horizontal axis of whole numbers is marked at whole numbers; with a single one, zero is
+    on the vertical axis.
 
     Args:
         lines: At least one with a finite point.
@@ -247,13 +248,14 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     Returns:
         ``<svg>...</svg>`` that needs no other file; empty when there is nothing to draw.
     """
-    from matplotlib.ticker import LogLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
     finite = [
         [(x, y) for x, y in line.points if abs(x) < _FARTHEST and abs(y) < _FARTHEST]
         for line in lines
     ]
     ys = [y for points in finite for _, y in points]
+    xs = {x for points in finite for x, _ in points}
     if not ys:
         return ""
     figure, axes = new_axes(720, 300, left=58, right=14, top=14, bottom=38)
@@ -267,9 +269,19 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     if logarithmic:
         axes.set_yscale("log", subs=[])
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    elif len(xs) == 1 and low != 0 != high:
+        # dots of one epoch have no course that a near view could show
+        axes.set_ylim(min(0, 1.25 * low), max(0, 1.25 * high))
     elif 0 < low < 0.4 * high:
         # lines may start at zero when it is near: a tall axis that hides it exaggerates
         axes.set_ylim(bottom=0)
+    if len(xs) == 1:
+        (only,) = xs
+        beside = max(1, 0.01 * abs(only))
+        axes.set_xlim(only - beside, only + beside)
+        axes.set_xticks([only])
+    elif all(float(x).is_integer() for x in xs):
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(axis="y")

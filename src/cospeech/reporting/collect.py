@@ -37,7 +37,9 @@ _NOT_SETTINGS = (
     "data.store_dir",
     "data.workers",
     "model.products_dir",
+    "metrics.catalogue",
 )
+_CATALOGUE = "metrics.catalogue."
 _SETTINGS_IN_A_LABEL = 3
 
 
@@ -130,11 +132,19 @@ class Run:
         return {
             key: value
             for key, value in flat.items()
-            if key.split(".")[0] not in _NOT_SETTINGS
-            and key not in _NOT_SETTINGS
+            if not any(f"{key}.".startswith(f"{name}.") for name in _NOT_SETTINGS)
             and not (key.rsplit(".", 1)[-1] == "seed" and value == self.seed)
             and not (isinstance(value, str) and self.id in value)
         }
+
+    def metrics(self) -> dict[str, dict[str, Any]]:
+        """Name -> settings of each metric that the run was judged by, as dotted keys."""
+        found: dict[str, dict[str, Any]] = {}
+        for key, value in flatten(self.mapping("config")).items():
+            if key.startswith(_CATALOGUE):
+                name = key.removeprefix(_CATALOGUE).partition(".")[0]
+                found.setdefault(name, {})[key] = value
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,14 +272,20 @@ def _is_inside(root: Path, name: str) -> bool:
 def group_runs(runs: Iterable[Run]) -> list[Group]:
     """Runs by model, data, ablation and every setting, evaluation encoder and corpus they share.
 
-    Numbers from different encoders or corpora are not comparable, so they never meet in a mean.
+    Numbers from different encoders or corpora are not comparable, so they never meet in a mean; nor
+    do those of a metric with other settings. A metric that only some runs have sets none apart.
     """
     alike: dict[str, list[Run]] = {}
     for run in runs:
         names = [run.values.get(name) for name in ("model", "data", "ablation")]
         key = json.dumps([*names, run.is_debug, run.settings()], sort_keys=True, default=str)
         alike.setdefault(key, []).append(run)
-    groups = [_group(members) for same in alike.values() for members in _comparable(same)]
+    groups = [
+        _group(members)
+        for same in alike.values()
+        for of_a_space in _comparable(same)
+        for members in _judged_alike(of_a_space)
+    ]
     _tell_apart(groups)
     return sorted(groups, key=lambda group: (group.data, group.model, group.ablation, group.label))
 
@@ -292,6 +308,21 @@ def _comparable(runs: Sequence[Run]) -> list[list[Run]]:
         return [early]
     spaces[0].extend(early)
     return spaces
+
+
+def _judged_alike(runs: Sequence[Run]) -> list[list[Run]]:
+    """Runs apart by the settings of the metrics that they share; each joins the first it can."""
+    found: list[tuple[dict[str, dict[str, Any]], list[Run]]] = []
+    for run in runs:
+        mine = run.metrics()
+        for known, members in found:
+            if all(known.get(name, settings) == settings for name, settings in mine.items()):
+                known |= mine
+                members.append(run)
+                break
+        else:
+            found.append((mine, [run]))
+    return [members for _, members in found]
 
 
 def _group(members: Sequence[Run]) -> Group:
@@ -324,7 +355,9 @@ def _tell_apart(groups: Sequence[Group]) -> None:
         differing = {
             key: [str(value)[:_LONGEST_SETTING] for value in values]
             for key, values in differences(runs).items()
-            if key in _SPACE or any(key in run.settings() for run in runs)
+            if key in _SPACE
+            or key.startswith(_CATALOGUE)
+            or any(key in run.settings() for run in runs)
         }
         shown = _telling(differing)
         for i, group in enumerate(same):
@@ -354,8 +387,12 @@ def _telling(differing: Mapping[str, Sequence[str]]) -> list[str]:
 def differences(runs: Sequence[Run]) -> dict[str, list[Any]]:
     """What differs between runs: setting, corpus, encoder, commit or version -> value per run.
 
-    Values stand in the order of ``runs``; None where a run does not have the key.
+    Values stand in the order of ``runs``; None where a run does not have the key. Of the metrics,
+    those count that all runs have.
     """
+    shared = set[str]()
+    if runs:
+        shared = set.intersection(*(set(run.metrics()) for run in runs))
     flat = []
     for run in runs:
         facts = {
@@ -366,7 +403,9 @@ def differences(runs: Sequence[Run]) -> dict[str, list[Any]]:
             "uncommitted changes": run.values.get("dirty"),
         }
         versions = {f"version of {name}": value for name, value in run.mapping("versions").items()}
-        flat.append({**run.settings(), **facts, **versions})
+        of_metrics = run.metrics()
+        judged = {key: value for name in shared for key, value in of_metrics[name].items()}
+        flat.append({**run.settings(), **dict(sorted(judged.items())), **facts, **versions})
     keys = dict.fromkeys(key for values in flat for key in values)
     table = {key: [values.get(key) for values in flat] for key in keys}
     return {key: values for key, values in table.items() if any(v != values[0] for v in values[1:])}
