@@ -43,12 +43,14 @@ NO_CORPUS = "/dev/null/no prepared corpus"
 
 _ANOTHER_RUN = "give the folder of a finished run, e.g. outputs/runs/ID"
 _NEEDED = ("id", "status", "model", "data", "ablation", "seed", "config")
-_METRICS: dict[str, Any] = {
+JUDGING: dict[str, Any] = {
     "encoder": str,
     "encoder_epochs": int,
     "encoder_seed": int,
     "reference_seed": int,
 }
+"""The settings of ``metrics`` that say how is judged, and the type of each."""
+
 _NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers", "encoder")
 
 
@@ -67,6 +69,7 @@ class FinishedRun:
         fingerprint: Of the corpus; None where the run stopped before it knew.
         method: The method's class.
         metrics: How it was judged, as in ``conf/metrics``; without what the record lacks.
+        columns: Names of the metrics that it was judged by, lines of text each.
         experiment: Name of the experiment's yaml, if any.
         config: The record's settings of ``model``, ``data``, ``metrics`` and ``training``, as
             plain values.
@@ -83,6 +86,7 @@ class FinishedRun:
     fingerprint: str | None
     method: type[LightningModule]
     metrics: dict[str, Any]
+    columns: tuple[str, ...]
     experiment: str | None
     config: Mapping[str, Any]
     checkpoint: Path
@@ -293,8 +297,8 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
         require_types(config["data"], get_type_hints(get_class(data.target)), "config.data")
     for part in ("metrics", "training", "choices"):
         require_plain(config[part], f"config.{part}")
-    require_known(list(config["metrics"]), list(_METRICS), "config.metrics")
-    require_types(config["metrics"], _METRICS, "config.metrics")
+    require_known(list(config["metrics"]), list(JUDGING), "config.metrics")
+    require_types(config["metrics"], JUDGING, "config.metrics")
     file = folder / "checkpoints" / f"{checkpoint}.ckpt"
     _inside(folder, previous_of(file))
     return FinishedRun(
@@ -308,6 +312,7 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
         fingerprint=values.get("data_fingerprint"),
         method=method,
         metrics=config["metrics"],
+        columns=tuple(column["key"] for column in values.get("metrics", [])),
         experiment=config["choices"].get("experiment"),
         config=config,
         checkpoint=_inside(folder, file),

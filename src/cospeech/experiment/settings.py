@@ -100,7 +100,7 @@ def _usual_node(usual: DictConfig, path: str) -> Any:
     """The node of the yaml files; where it stands for another key (``${data.encoder}``), that's."""
     above, _, name = path.rpartition(".")
     node: Any = OmegaConf.select(usual, above) if above else usual
-    node = node._get_node(name) if isinstance(node, DictConfig) else None
+    node = node._get_node(name, validate_access=False) if isinstance(node, DictConfig) else None
     other = _ANOTHER_KEY.fullmatch(str(node._value())) if hasattr(node, "_value") else None
     return node if other is None else _usual_node(usual, other[1])
 

@@ -35,7 +35,7 @@ from cospeech.experiment.building import (
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
 from cospeech.experiment.enduring import costs_itself, enduring, other_arithmetic
 from cospeech.experiment.folders import resume_command, run_identity
-from cospeech.experiment.judgeable import refuse_unjudgeable
+from cospeech.experiment.judgeable import refuse_absent_monitors, refuse_unjudgeable
 from cospeech.experiment.stopping import (
     be_the_first_process,
     end_with_the_first_process,
@@ -166,6 +166,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     judged = frozenset[str]()
     if isinstance(tried, GestureMethod):
         catalogue = chosen_catalogue(cfg.metrics)
+        refuse_absent_monitors(_monitors(cfg), catalogue, tried)
         judged = catalogue.fields
         data.refuse_impossible("the evaluation", judged)
     lightning.seed_everything(cfg.seed, verbose=False)
@@ -309,6 +310,16 @@ def _with_context(node: DictConfig, context: RunContext) -> Callback:
     """A callback; those of ours are partials that wait for the run's context."""
     callback = instantiate(node, _convert_="all")
     return callback(run=context) if isinstance(callback, functools.partial) else callback
+
+
+def _monitors(cfg: DictConfig) -> dict[str, str]:
+    """What callbacks watch, by the setting that says so."""
+    found = dict[str, str]()
+    for name, node in (cfg.callbacks or {}).items():
+        if node and isinstance(monitor := node.get("monitor"), str):
+            shared = node._get_node("monitor")._value() == "${training.monitor}"
+            found["training.monitor" if shared else f"callbacks.{name}.monitor"] = monitor
+    return found
 
 
 def _best_checkpoint(trainer: Trainer) -> ModelCheckpoint | None:

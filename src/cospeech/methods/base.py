@@ -30,11 +30,13 @@ class GestureMethod(LightningModule, ABC):
         window: Frame rate, length, seed frames and stride of the windows it works on.
         needs: Names of the fields it reads (`cospeech.corpus.features`); the evaluation asks for
             its own.
+        derived_from: Names of the evaluation's values that `derived_values` reads.
         speakers: Of the training; motion may be asked for in the manner of one.
     """
 
     window: WindowSpec
     needs: ClassVar[frozenset[str]]
+    derived_from: ClassVar[frozenset[str]] = frozenset()
     speakers: list[str]
 
     def __init__(self) -> None:

@@ -107,6 +107,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     """
 
     needs = frozenset({"poses", "matched", "cepstra", "speakers"})
+    derived_from = frozenset({"fgd"})
 
     def __init__(
         self,
