@@ -42,6 +42,11 @@ class Catalogue:
         self._metrics = dict(metrics)
 
     @property
+    def metrics(self) -> Mapping[str, WindowMetric]:
+        """Name -> metric, to be looked at."""
+        return self._metrics
+
+    @property
     def needs(self) -> frozenset[str]:
         """Fields of the corpus that the metrics read besides motion."""
         return frozenset().union(*(metric.needs for metric in self._metrics.values()))

@@ -17,7 +17,7 @@ from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.motion.upper_body import EVALUATION_FPS, EVALUATION_FRAMES
 from cospeech.quoting import setting
 
-_OF_FGD = frozenset({"fgd", "fgd_mean_term", "fgd_covariance_term"})
+_OF_FGD = frozenset({"mean_term", "covariance_term"})
 """Values that a Fréchet gesture distance logs, whatever its name in the catalogue."""
 
 
@@ -87,7 +87,7 @@ def refuse_absent_monitors(
             continue
         others = [
             other
-            for other, metric in catalogue.fresh().items()
+            for other, metric in catalogue.metrics.items()
             if metric.higher_is_better is False and other in _logged(catalogue)
         ]
         instead = f", or watch another: {setting(key, f'val/{others[0]}')}" if others else ""
@@ -100,10 +100,11 @@ def refuse_absent_monitors(
 def _logged(catalogue: Catalogue) -> set[str]:
     """Names under which an epoch's values are logged."""
     names = set[str]()
-    for name, metric in catalogue.fresh().items():
-        names |= _OF_FGD if isinstance(metric, FrechetGestureDistance) else {name}
+    for name, metric in catalogue.metrics.items():
+        parts = _OF_FGD if isinstance(metric, FrechetGestureDistance) else metric.parts
+        names |= {name, *(f"{name}_{part}" for part in parts)}
     return names
 
 
 def _metric_of(value: str) -> str:
-    return "fgd" if value in _OF_FGD else value
+    return "fgd" if value.removeprefix("fgd_") in _OF_FGD else value
