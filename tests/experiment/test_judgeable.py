@@ -190,6 +190,12 @@ def test_the_values_of_a_frechet_distance_are_those_that_it_computes():
         (
             "~metrics.catalogue.fgd"
             " +metrics.catalogue.mine._target_=cospeech.metrics.fgd.FrechetGestureDistance",
+            "training.monitor=val/fgd: metrics",
+            "gue.fgd as",
+        ),
+        (
+            "~metrics.catalogue.fgd training.monitor=val/mine_mean_term"
+            " +metrics.catalogue.mine._target_=cospeech.metrics.fgd.FrechetGestureDistance",
             None,
             "",
         ),
