@@ -300,6 +300,8 @@ NO_READERS = {
     "formats.zeggs": "opens its table as readers above do",
     "formats.mocap.reading": "opens what the readers above open",
     "formats.mocap.side_files": "opens what the readers above open",
+    "metrics.encoder.packaged": "the package's own file, opened as a reader above does",
+    "studies.multi_adversary_figures.paper": "the package's own words",
     "methods.motion_matching.refinement.pair_windows": "windows of an open store",
     "methods.trimodal.style": "no file",
     "speech.reading": "opens sound and transcripts as readers above do",
