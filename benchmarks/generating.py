@@ -27,8 +27,9 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from cospeech.methods.base import GestureMethod, evaluating
+from cospeech.methods.base import GestureMethod
 from cospeech.methods.motion_matching.refinement.module import RefinedMotionMatching
+from cospeech.nn.modes import evaluating
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 
 MODELS = {

@@ -53,8 +53,8 @@ def _text(name: str, page: str, files: Any) -> str:
 
 
 def _fields_table() -> str:
-    rows = [("field", "axis", "unit and values", "numbers per step", "type", "made from")]
-    rows.append(("---",) * len(rows[0]))
+    head = ("field", "axis", "unit and values", "numbers per step", "type", "made from")
+    rows: list[tuple[str, ...]] = [head, ("---",) * len(head)]
     for field in FIELDS.values():
         width = "as the skeleton says" if field.width is None else f"{field.width}"
         kind = np.dtype(field.dtype).name
