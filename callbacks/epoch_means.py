@@ -34,8 +34,10 @@ class KeepEpochMeans(Callback):
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:
         """Hold the sums of this process until their names are logged again."""
-        sums = checkpoint.get(type(self).__name__, [])
-        self._left = sums[trainer.global_rank] if len(sums) == trainer.world_size else {}
+        sums = checkpoint.get(type(self).__name__)
+        self._left = {}
+        if isinstance(sums, list) and len(sums) == trainer.world_size:
+            self._left = sums[trainer.global_rank]
 
     def on_train_batch_start(
         self, trainer: Trainer, pl_module: LightningModule, batch: Any, batch_idx: int

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import logging
+import traceback
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
@@ -234,7 +235,9 @@ def _named(name: str, metric: WindowMetric) -> Iterator[None]:
         raise
     except Exception as error:
         reason = str(error).strip().split("\n", 1)[0] or type(error).__name__
+        (*_, last) = traceback.extract_tb(error.__traceback__)
         raise CospeechError(
-            f"the metric {name} ({type(metric).__name__}) fails: {reason}",
+            f"the metric {name} ({type(metric).__name__}) fails in {last.filename}, line"
+            f" {last.lineno}: {reason}",
             f"mend it, or do without: ~metrics.catalogue.{name}",
         ) from error

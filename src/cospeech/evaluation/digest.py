@@ -7,7 +7,8 @@ import inspect
 import json
 import sys
 from collections.abc import Iterator, Mapping
-from types import ModuleType
+from functools import partial
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -63,11 +64,13 @@ def _source(module: ModuleType) -> str:
 def _settings(metric: WindowMetric) -> Any:
     usual = vars(WindowMetric())
     own = {key: value for key, value in vars(metric).items() if key not in usual}
-    return _plain({**own, "buffers": dict(metric.named_buffers())})
+    tensors = dict(metric.named_buffers()) | dict(metric.named_parameters())
+    modules = {name: repr(module) for name, module in metric.named_children()}
+    return _plain({"own": own, "tensors": tensors, "modules": modules})
 
 
 def _plain(value: Any, depth: int = 0) -> Any:
-    """A value as JSON can hold it: equal for equal values."""
+    """A value as JSON can hold it: equal for equal values, and for no others."""
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if isinstance(value, Tensor):
@@ -75,14 +78,20 @@ def _plain(value: Any, depth: int = 0) -> Any:
     if isinstance(value, np.ndarray):
         hashed = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
         return [str(value.dtype), list(value.shape), hashed]
+    if isinstance(value, np.generic):
+        return value.item()
     if depth == _DEEPEST:
-        return type(value).__qualname__
+        return repr(value)
     if isinstance(value, Mapping):
         return [[str(key), _plain(value[key], depth + 1)] for key in sorted(value, key=str)]
     if isinstance(value, (list, tuple)):
         return [_plain(item, depth + 1) for item in value]
     if isinstance(value, (set, frozenset)):
         return sorted(json.dumps(_plain(item, depth + 1)) for item in value)
-    if callable(value):
-        return getattr(value, "__qualname__", type(value).__qualname__)
-    return [type(value).__qualname__, _plain(getattr(value, "__dict__", {}), depth + 1)]
+    if isinstance(value, partial):
+        return _plain([value.func, value.args, value.keywords], depth + 1)
+    if isinstance(value, (type, FunctionType)):
+        return f"{value.__module__}.{value.__qualname__}"
+    if hasattr(value, "__dict__") and type(value).__repr__ is object.__repr__:
+        return [type(value).__qualname__, _plain(vars(value), depth + 1)]
+    return [type(value).__qualname__, repr(value)]

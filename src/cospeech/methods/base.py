@@ -30,7 +30,7 @@ class GestureMethod(LightningModule, ABC):
         window: Frame rate, length, seed frames and stride of the windows it works on.
         needs: Names of the fields it reads (`cospeech.corpus.features`).
         derived_from: Names of the evaluation's values that `derived_values` reads.
-        speakers: Of the training.
+        speakers: Names of those in the training.
     """
 
     window: WindowSpec
