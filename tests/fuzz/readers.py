@@ -116,7 +116,8 @@ def _reference_rows(path: Path) -> None:
 
 
 def _record(path: Path) -> None:
-    from cospeech.reporting.collect import collect, group_runs
+    from cospeech.reporting.collect import collect
+    from cospeech.reporting.grouping import group_runs
     from cospeech.reporting.record import read_record
 
     read_record(path)

@@ -11,7 +11,8 @@ import pytest
 from filelock import FileLock
 
 from cospeech.reporting.__main__ import main
-from cospeech.reporting.collect import collect, group_runs
+from cospeech.reporting.collect import collect
+from cospeech.reporting.grouping import group_runs
 from cospeech.reporting.report import text_report, write_report
 from cospeech.reporting.results import results_of
 from tests.reporting.records import record

@@ -7,7 +7,8 @@ import pytest
 
 from cospeech.errors import CospeechError
 from cospeech.reporting.__main__ import main
-from cospeech.reporting.collect import collect, differences, group_runs
+from cospeech.reporting.collect import collect
+from cospeech.reporting.grouping import differences, group_runs
 from cospeech.reporting.report import text_report, write_report
 from tests.reporting.drawn import drawn
 from tests.reporting.records import record

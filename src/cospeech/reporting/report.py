@@ -10,7 +10,8 @@ from urllib.parse import quote
 
 from cospeech.files import write_text
 from cospeech.reporting.charts import SERIES, Line, line_chart
-from cospeech.reporting.collect import Collection, Group, Run, differences, group_runs, number
+from cospeech.reporting.collect import Collection, Run, number
+from cospeech.reporting.grouping import Group, differences, group_runs
 from cospeech.reporting.markup import escaped, html_page, html_table, markdown, one_line
 from cospeech.reporting.results import Results, results_of
 from cospeech.reporting.tables import (

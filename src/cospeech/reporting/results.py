@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cospeech.reporting.collect import PROTOCOLS, Group, Run, flatten, number
+from cospeech.reporting.collect import PROTOCOLS, Run, flatten, number
+from cospeech.reporting.grouping import Group
 from cospeech.reporting.tables import Column, Summary, metric_columns, with_interval
 
 INTERVAL = Column("interval", "95 % over recordings")
