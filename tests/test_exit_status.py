@@ -56,7 +56,9 @@ def test_ctrl_c_while_a_command_imports_what_it_needs_is_one_line(command, impor
 
 def test_ctrl_c_raises_again_once_there_is_something_to_keep():
     code = (
-        "import signal; from cospeech.terminal import exit_status, stop_at_once\n"
+        # as in a terminal: what a shell starts in the background ignores Ctrl-C
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from cospeech.terminal import exit_status, stop_at_once\n"
         "def main():\n    return signal.getsignal(signal.SIGINT) is signal.default_int_handler\n"
         "stop_at_once()\nprint(main())\nprint(exit_status(main))\n"
         "stop_at_once()\nfrom cospeech.experiment import run_folder\nprint(main())\n"

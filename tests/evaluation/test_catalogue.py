@@ -1,6 +1,6 @@
 """A metric that one line of yaml names stands everywhere, and reads what the method doesn't."""
 
-import importlib
+import importlib.util
 import linecache
 import math
 import sys
@@ -398,7 +398,9 @@ def test_an_epoch_reads_of_a_window_what_the_recordings_protocol_reads(
     """Whatever the rate of the method, whose windows of 4 s each hold three of the evaluation."""
     (whole,) = spoken.splits["val"]
     monkeypatch.setitem(spoken.splits, "val", [Span(whole.recording, begins, whole.stop)])
-    needs = frozenset({"words", "phases", "word_vectors", "audio", "speakers", "energy"})
+    needs = frozenset({"words", "phases", "audio", "speakers", "energy"})
+    if importlib.util.find_spec("transformers") is not None:
+        needs |= {"word_vectors"}
     windows = WindowDataset(
         spoken, "val", WindowSpec(fps, 4 * fps, 0, 4 * fps), frozenset({"positions"})
     )
