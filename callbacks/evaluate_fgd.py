@@ -29,7 +29,10 @@ class EvaluateFGD(Callback):
     def _start(self, pl_module: LightningModule) -> None:
         if self.encoder is not None and isinstance(pl_module, GestureMethod):
             self._evaluation = EpochEvaluation(
-                self.catalogue, self.encoder, pl_module.window, pl_module.device
+                self.catalogue,
+                self.encoder,
+                pl_module.window.of_split("val"),
+                pl_module.device,
             )
 
     def _update(self, outputs: Any, batch: GestureBatch) -> None:

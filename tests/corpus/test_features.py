@@ -46,7 +46,9 @@ class Spelled:
 
 @pytest.fixture(autouse=True)
 def _no_language_model(monkeypatch):
-    monkeypatch.setattr("cospeech.corpus.features.word_vectors._packaged", Spelled)
+    monkeypatch.setattr(
+        "cospeech.corpus.features.word_vectors._packaged", lambda special_tokens: Spelled()
+    )
 
 
 def voiced(seconds, seed, loudness=0.3):
@@ -290,7 +292,7 @@ def test_windows_take_word_vectors_from_the_provider_they_name(store):
         def vectors(self, words):
             return np.array([[len(word.text), 1] for word in words], np.float32).reshape(-1, 2)
 
-    spec = WindowSpec(20, 40, 0, 40, word_vectors=Lengths())
+    spec = WindowSpec(20, 40, 0, 40, own_fields=(word_vectors(Lengths()),))
     windows = WindowDataset(store, "train", spec, frozenset({"word_vectors"}))
     values = windows.batch([0]).word_vectors
     assert values.shape == (1, 40, 2)

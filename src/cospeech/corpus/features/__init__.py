@@ -18,6 +18,7 @@ from cospeech.corpus.features.mel import GESTICULATOR, TRIMODAL
 from cospeech.corpus.features.positions import POSITIONS
 from cospeech.corpus.features.rotations import ROOT, ROTATIONS
 from cospeech.corpus.features.speakers import SPEAKERS
+from cospeech.corpus.features.spoken_words import SPOKEN_WORDS
 from cospeech.corpus.features.word_vectors import WORD_VECTORS
 from cospeech.corpus.features.words import WORDS
 from cospeech.errors import ConfigError
@@ -37,6 +38,7 @@ FIELDS: Mapping[str, Field] = {
         AUDIO,
         WORDS,
         WORD_VECTORS,
+        SPOKEN_WORDS,
         SPEAKERS,
         JOINTS,
         POSES,

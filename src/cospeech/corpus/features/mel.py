@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,18 @@ def _trimodal(speech: Speech, fps: float, frames: int) -> NDArray[np.float32]:
 
 def _gesticulator(speech: Speech, fps: float, frames: int) -> NDArray[np.float32]:
     return gesticulator.gesticulator_log_mel(speech.waveform)
+
+
+def _by_published_hop(speech: Speech, fps: float, frames: int) -> NDArray[np.float32]:
+    values = gesticulator.gesticulator_log_mel(speech.waveform, published_hop=True)
+    return values[np.arange(frames).clip(max=len(values) - 1)]
+
+
+def gesticulator_mel(published_hop: bool) -> SpeechField:
+    """The field ``mel_gesticulator``: frames at their times, or 1102 samples apart and by index."""
+    if not published_hop:
+        return GESTICULATOR
+    return replace(GESTICULATOR, version="hop1102", fps=None, compute=_by_published_hop)
 
 
 TRIMODAL = SpeechField(

@@ -43,6 +43,7 @@ class ContextualVectors:
         model: A folder, or a name in the Hugging Face cache or hub; the packaged MiniLM when None.
             Weights are read from safetensors alone and no code that comes with a model is run.
         device: Where it runs.
+        special_tokens: Put its start and end token around what it reads.
 
     Raises:
         CospeechError: The extra isn't installed.
@@ -50,7 +51,9 @@ class ContextualVectors:
             not all there, or it wants code of its own to be run.
     """
 
-    def __init__(self, model: str | Path | None = None, device: str = "cpu") -> None:
+    def __init__(
+        self, model: str | Path | None = None, device: str = "cpu", special_tokens: bool = True
+    ) -> None:
         if find_spec("transformers") is None or (model is None and find_spec(PACKAGED) is None):
             raise CospeechError("contextual word vectors need the extra 'text'", INSTALL)
         folder = _packaged() if model is None else Path(model)
@@ -59,8 +62,11 @@ class ContextualVectors:
         self._network = network.to(device)
         self.dimensions = int(network.config.hidden_size)
         limits = (self._tokenizer.model_max_length, network.config.max_position_embeddings)
-        self._most = min(MOST_PIECES, *limits) - self._tokenizer.num_special_tokens_to_add()
-        self.version = f"contextual-{_digest(network, self._tokenizer)}"
+        self._special_tokens = special_tokens
+        self._room = self._tokenizer.num_special_tokens_to_add() if special_tokens else 0
+        self._most = min(MOST_PIECES, *limits) - self._room
+        bare = "" if special_tokens else "-bare"
+        self.version = f"contextual-{_digest(network, self._tokenizer)}{bare}"
 
     @torch.no_grad()
     def vectors(self, words: Sequence[Word]) -> NDArray[np.float32]:
@@ -92,7 +98,8 @@ class ContextualVectors:
             texts,
             is_split_into_words=True,
             truncation=True,
-            max_length=self._most + self._tokenizer.num_special_tokens_to_add(),
+            max_length=self._most + self._room,
+            add_special_tokens=self._special_tokens,
             return_tensors="pt",
         )
         hidden = self._network(**encoded.to(self._network.device)).last_hidden_state[0]

@@ -20,10 +20,12 @@ FILLERS = ("eh", "ah", "like", "kind of")
 SILENCE, FILLER = -1, -2
 """In the place of a word's index: nobody speaks, and a filler is said."""
 
+TIMING_NAMES = ("elapsed", "remaining", "duration", "progress", "syllable rate")
+"""The numbers beside a word's vector."""
+
 PUBLISHED_FPS = 10
 
 _SENTENCE_ENDS = (".", "!", "?")
-_TIMING = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,7 @@ def published_words(words: Sequence[Word]) -> SpokenWords:
             sentence.append(text)
         silent = max(0, start - len(placed))
         placed += [SILENCE] * silent
-        timing += [(0.0,) * _TIMING] * silent
+        timing += [(0.0,) * len(TIMING_NAMES)] * silent
         duration = end - start
         for clock in range(len(placed) + 1, end + 1):
             elapsed = clock - start
@@ -80,5 +82,5 @@ def published_words(words: Sequence[Word]) -> SpokenWords:
     if sentence:
         sentences.append([*sentence[:-1], sentence[-1] + "."])
     return SpokenWords(
-        np.array(placed, dtype=np.int64), np.array(timing).reshape(-1, _TIMING), sentences
+        np.array(placed, dtype=np.int64), np.array(timing).reshape(-1, len(TIMING_NAMES)), sentences
     )

@@ -9,15 +9,21 @@ import re
 
 _VOWELS = "aeiou"
 _NO_LOST_ENDING = ("ted", "tes", "ses", "ied", "ies")
-_SPOKEN_E = frozenset("whole mobile pole male female hale pale tale sale aisle whale while".split())
+_SPOKEN_E = frozenset(
+    (
+        *("whole", "mobile", "pole", "male", "female", "hale", "pale"),
+        *("tale", "sale", "aisle", "whale", "while"),
+    )
+)
 _ONE_SYLLABLE_CO = frozenset(
-    "cool coach coat coal count coin coarse coup coif cook coign coiffe coof court".split()
+    (
+        *("cool", "coach", "coat", "coal", "count", "coin", "coarse"),
+        *("coup", "coif", "cook", "coign", "coiffe", "coof", "court"),
+    )
 )
 _TWO_SYLLABLE_CO = ("coapt", "coed", "coinci")
 _LESS = frozenset(("fortunately", "unfortunately"))
-_MORE = frozenset(
-    ("doesn't", "isn't", "shouldn't", "couldn't", "wouldn't", "serious", "crucial")
-)
+_MORE = frozenset(("doesn't", "isn't", "shouldn't", "couldn't", "wouldn't", "serious", "crucial"))
 
 
 def count_syllables(word: str) -> int:

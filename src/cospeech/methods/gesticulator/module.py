@@ -1,0 +1,277 @@
+"""Gestures from what is said and how it is said (Kucherenko et al. 2020)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, cast, get_args
+
+import numpy as np
+import torch
+from lightning.pytorch.core.optimizer import LightningOptimizer
+from torch import Tensor
+
+from cospeech.corpus.batch import GestureBatch
+from cospeech.corpus.facts import CorpusFacts
+from cospeech.corpus.features.field import SpeechField
+from cospeech.corpus.features.mel import gesticulator_mel
+from cospeech.corpus.features.positions import at_evaluation_rate
+from cospeech.corpus.features.spoken_words import silence, spoken_words
+from cospeech.corpus.features.word_vectors import Packaged
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.corpus.windows import WindowDataset, WindowSpec
+from cospeech.errors import ConfigError, require_choice, require_range
+from cospeech.methods.base import GestureMethod
+from cospeech.methods.gesticulator.losses import VelocityAxis, pose_loss, velocity_loss
+from cospeech.methods.gesticulator.networks import (
+    AHEAD,
+    HISTORY,
+    PAST,
+    Conditioning,
+    GesticulatorNetwork,
+    Initialisation,
+)
+from cospeech.methods.gesticulator.schedule import EPOCHS_WITHOUT, Schedule, history_of_epoch
+from cospeech.methods.streams import Stream, WholeUtterance
+from cospeech.motion.codecs import ExponentialMapCodec
+from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import Skeleton
+from cospeech.motion.upper_body import to_upper_body
+from cospeech.nn.modes import evaluating
+from cospeech.speech.speech import Speech, covering_frames
+from cospeech.speech.text.contextual import ContextualVectors
+from cospeech.speech.text.vectors import StaticVectors, WordVectors
+from cospeech.training.losses import WeighedLosses
+from cospeech.training.steps import descend, log_losses
+
+Audio = Literal["spectrogram", "none"]
+Text = Literal["contextual", "static", "none"]
+
+JOINTS = (
+    *("LeftHand", "LeftForeArm", "LeftArm", "LeftShoulder"),
+    *("RightHand", "RightForeArm", "RightArm", "RightShoulder"),
+    *("Head", "Neck1", "Neck", "Spine3", "Spine2", "Spine1", "Spine"),
+)
+"""The joints whose rotations are made, in the published order of channels."""
+
+SILENT_AUDIO = -12.0
+"""Of every band, before and after a speech, as published."""
+
+FPS = 20.0
+_TRAINED_FRAMES, _JUDGED_FRAMES = 40, 100
+
+
+class Gesticulator(GestureMethod):
+    """Rotations of 15 joints from acoustics and text around a frame and the three poses before it.
+
+    Defaults are the published code's, quirks included, but for what the paper says of the schedule
+    and the velocity (the README lists all).
+
+    Reads positions, rotations, and of speech what ``audio`` and ``text`` choose. Logs, unweighted,
+    ``train/pose``, ``train/velocity`` and the weighted sum ``train/loss``.
+
+    Args:
+        corpus: Skeleton and speakers of the training corpus.
+        audio: ``"spectrogram"`` (64 log-mel bands) or ``"none"``.
+        text: ``"contextual"`` vectors of a language model, ``"static"`` ones of a fastText file, or
+            ``"none"``.
+        language_model: Folder or hub name of a `transformers` encoder for contextual vectors, such
+            as ``bert-base-cased``, which was published; None: the packaged MiniLM.
+        special_tokens: Give sentences to the language model with its start and end tokens; the
+            published code takes them away.
+        word_vectors: fastText file for static vectors.
+        conditioning: ``"film"``, ``"concatenation"`` or ``"none"`` (`GesticulatorNetwork`).
+        schedule: ``"paper"``, ``"released"``, ``"forced"`` or ``"own"`` (`history_of_epoch`).
+        epochs_without_history: First epochs that don't look at earlier poses.
+        velocity_weight: Weight of the velocity loss.
+        velocity_axis: ``"time"``, or ``"batch"`` as the code did when the paper was written.
+        dropout: Of every layer but the conditioning.
+        conditioning_dropout: Of the conditioning.
+        mask_per_window: In training, dropout hides other units of a frame in every window it is in,
+            as published, at 17 times the cost.
+        conditioning_tanh: A tanh after the conditioning, as published.
+        head_layer: A further layer before the last, as published.
+        initialisation: ``"fan_product"`` as published, or ``"he"``.
+        published_hop: Spectrogram frames of 1102 samples, which drift against motion, as published.
+        published_timing: Text at 10 frames per second in tenths of a second, as published.
+        learning_rate: Adam's.
+
+    Raises:
+        ConfigError: A value that is not among the choices or out of range, or neither audio nor
+            text, or static text without a file.
+    """
+
+    window = WindowSpec(
+        fps=FPS,
+        frames=HISTORY - 1 + _TRAINED_FRAMES,
+        seed_frames=0,
+        stride=10,
+        past=PAST,
+        ahead=AHEAD,
+        judged_frames=_JUDGED_FRAMES,
+    )
+    needs: ClassVar[frozenset[str]] = frozenset({"positions", "rotations"})
+
+    def __init__(
+        self,
+        corpus: CorpusFacts,
+        audio: Audio = "spectrogram",
+        text: Text = "contextual",
+        language_model: str | None = None,
+        special_tokens: bool = False,
+        word_vectors: str | None = None,
+        conditioning: Conditioning = "film",
+        schedule: Schedule = "paper",
+        epochs_without_history: int = EPOCHS_WITHOUT,
+        velocity_weight: float = 0.6,
+        velocity_axis: VelocityAxis = "time",
+        dropout: float = 0.2,
+        conditioning_dropout: float = 0.8,
+        mask_per_window: bool = False,
+        conditioning_tanh: bool = True,
+        head_layer: bool = True,
+        initialisation: Initialisation = "fan_product",
+        published_hop: bool = True,
+        published_timing: bool = True,
+        learning_rate: float = 1e-4,
+    ) -> None:
+        super().__init__()
+        require_choice("model.audio", audio, get_args(Audio))
+        require_choice("model.text", text, get_args(Text))
+        require_choice("model.schedule", schedule, get_args(Schedule))
+        require_choice("model.velocity_axis", velocity_axis, get_args(VelocityAxis))
+        require_range("model.epochs_without_history", epochs_without_history, 0)
+        if audio == text == "none":
+            raise ConfigError(
+                "model.audio=none and model.text=none leave nothing to gesture to",
+                "leave one of the two in",
+            )
+        self.save_hyperparameters(logger=False)
+        self.speakers = list(corpus["speakers"])
+        self.schedule, self.epochs_without_history = schedule, epochs_without_history
+        self.velocity_weight, self.velocity_axis = velocity_weight, velocity_axis
+        self.mask_per_window, self.learning_rate = mask_per_window, learning_rate
+        fields = list[SpeechField]()
+        edges = list[np.ndarray]()
+        if audio == "spectrogram":
+            fields.append(gesticulator_mel(published_hop))
+            edges.append(np.full(fields[-1].width or 0, SILENT_AUDIO, dtype=np.float32))
+        if text != "none":
+            provider = _provider(text, language_model, special_tokens, word_vectors)
+            fields.append(spoken_words(provider, published_timing))
+            edges.append(silence(provider))
+        self.fields = tuple(fields)
+        self.window = replace(self.window, own_fields=self.fields)
+        self.needs = self.needs | {field.name for field in fields}  # type: ignore[misc]
+        self.register_buffer("silence", torch.from_numpy(np.concatenate(edges)), persistent=False)
+        self.codec = ExponentialMapCodec(Skeleton.from_dict(corpus["skeleton"]), JOINTS)
+        self.register_buffer("mean_pose", torch.zeros(self.codec.size))
+        self.network = GesticulatorNetwork(
+            len(cast(Tensor, self.silence)),
+            self.codec.size,
+            conditioning,
+            dropout,
+            conditioning_dropout,
+            conditioning_tanh,
+            head_layer,
+            initialisation,
+        )
+
+    def on_train_start(self) -> None:
+        """Take the mean pose of the training motion, which motion begins from."""
+        loader = self.trainer.train_dataloader
+        assert isinstance(loader, WindowLoader)
+        assert isinstance(loader.dataset, WindowDataset)
+        rotations = torch.from_numpy(loader.dataset.every_frame("rotations")).to(self.device)
+        self.codec.fit(rotations)
+        cast(Tensor, self.mean_pose).copy_(self.codec.encode(rotations).mean(dim=0))
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Adam."""
+        return torch.optim.Adam(self.network.parameters(), self.learning_rate)
+
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor]:
+        """One step with the epoch's history."""
+        truth = self.codec.encode(batch.require("rotations"))
+        known = HISTORY - 1
+        speech = self._speech(batch)[:, known:]
+        frames = truth.shape[1] - known
+        history = history_of_epoch(
+            self.current_epoch, self.schedule, PAST, frames, self.epochs_without_history
+        )
+        said = self.network.encode(speech, self.mask_per_window)
+        poses = self.network.roll(
+            said, self._start(len(truth)), truth, history.is_reset, history.is_conditioned
+        )
+        losses = WeighedLosses()
+        losses.add("pose", 1.0, pose_loss, poses, truth[:, known:])
+        losses.add(
+            "velocity",
+            self.velocity_weight,
+            velocity_loss,
+            poses,
+            truth[:, known:],
+            self.velocity_axis,
+        )
+        assert losses.total is not None
+        descend(self, cast(LightningOptimizer, self.optimizers()), losses.total)
+        return log_losses(self, {"loss": losses.total, **losses.values}, len(batch))
+
+    def _speech(self, batch: GestureBatch) -> Tensor:
+        return torch.cat([batch.require(field.name) for field in self.fields], dim=-1)
+
+    def _start(self, count: int) -> Tensor:
+        return cast(Tensor, self.mean_pose).expand(count, HISTORY, -1)
+
+    @torch.no_grad()
+    def sample(self, batch: GestureBatch, generator: torch.Generator) -> Tensor:
+        """One window per item, from the mean pose on and on its own poses alone.
+
+        There is nothing random about it.
+        """
+        with evaluating(self.network):
+            poses = self.network.roll(
+                self.network.encode(self._speech(batch)), self._start(len(batch))
+            )
+        motion = self.codec.motion(poses.flatten(0, 1), self.window.fps)
+        positions = torch.from_numpy(to_upper_body(motion).positions).to(self.device)
+        return at_evaluation_rate(positions.unflatten(0, poses.shape[:2]), self.window.fps)
+
+    def begin(
+        self,
+        speaker: str | None,
+        controls: Any,
+        seed_motion: Motion | None,
+        generator: torch.Generator,
+    ) -> Stream:
+        """Begin upper-body motion at 20 fps; the whole speech is waited for."""
+        return WholeUtterance(lambda speech: to_upper_body(self.whole_skeleton(speech)))
+
+    @torch.no_grad()
+    def whole_skeleton(self, speech: Speech) -> Motion:
+        """Rotations of all joints of the training skeleton, 20 fps, for speech of any length.
+
+        Before and after the speech there is silence; joints that aren't made keep their mean
+        rotation, and the root stays where it is.
+        """
+        frames = covering_frames(len(speech.waveform), self.window.fps)
+        heard = [field.of_speech(speech, self.window.fps, frames) for field in self.fields]
+        within = torch.from_numpy(np.concatenate(heard, axis=1)).to(self.device)
+        quiet = cast(Tensor, self.silence)
+        padded = torch.cat([quiet.expand(PAST, -1), within, quiet.expand(AHEAD, -1)])
+        with evaluating(self.network):
+            poses = self.network.roll(self.network.encode(padded[None]), self._start(1))[0]
+        return self.codec.motion(poses, self.window.fps)
+
+
+def _provider(
+    text: Text, language_model: str | None, special_tokens: bool, word_vectors: str | None
+) -> WordVectors:
+    if text == "static":
+        if word_vectors is None:
+            raise ConfigError(
+                "model.text=static has no vectors", "name a fastText file: model.word_vectors=FILE"
+            )
+        return StaticVectors(word_vectors)
+    if language_model is None:
+        return Packaged(special_tokens)
+    return ContextualVectors(language_model, special_tokens=special_tokens)
