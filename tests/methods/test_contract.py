@@ -17,16 +17,19 @@ from callbacks.step_seed import SeedEachStep
 from cospeech.corpus.features.field import SpeechField
 from cospeech.corpus.features.streaming import FieldStream
 from cospeech.corpus.splits import Span
+from cospeech.corpus.synthetic.body import SKELETON
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.errors import CospeechError
 from cospeech.evaluation import standard_catalogue
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import MakesStages, TakesControls
 from cospeech.methods.fitted import FittedWithoutSteps
+from cospeech.motion.kinematics import skeleton_positions
 from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames
-from tests.corpora import REST_POSE, make_recording, make_store
+from tests.corpora import make_recording, make_store
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 MODELS = sorted(path.stem for path in (CONF / "model").glob("*.yaml"))
@@ -41,15 +44,28 @@ def model_config(name: str):
         return compose("train", overrides=overrides).model
 
 
-def turning(recording):
-    """The same with joints that turn a little about an axis of their own, on bones at rest."""
-    parents = np.maximum(UPPER_BODY.parents, 0)
-    skeleton = replace(UPPER_BODY, offsets=REST_POSE - REST_POSE[parents])
-    motion = recording.motion
-    angles = 0.05 * np.sin(np.arange(len(motion)) / 15)[:, None] * (1 + np.arange(len(skeleton)))
-    rotations = np.zeros((len(motion), len(skeleton), 4), dtype=np.float32)
+def body_without_fingers():
+    joints = [joint for joint in SKELETON.joints if "Hand" not in joint or joint.endswith("Hand")]
+    parents = [SKELETON.parents[SKELETON.index[joint]] for joint in joints]
+    return Skeleton(
+        "body",
+        tuple(joints),
+        tuple(-1 if parent < 0 else joints.index(SKELETON.joints[parent]) for parent in parents),
+        SKELETON.offsets[[SKELETON.index[joint] for joint in joints]],
+    )
+
+
+def turning(recording, seed):
+    """The same on a body whose joints turn a little about an axis of their own."""
+    skeleton, frames = body_without_fingers(), np.arange(len(recording.motion))
+    pace = 15 + seed + np.arange(len(skeleton)) % 7
+    angles = 0.2 * np.sin(frames[:, None] / pace + seed)
+    angles[:, 0] = 0
+    rotations = np.zeros((*angles.shape, 4), dtype=np.float32)
     rotations[..., 1], rotations[..., 3] = np.sin(angles / 2), np.cos(angles / 2)
-    return replace(recording, motion=Motion(skeleton, motion.fps, motion.positions, rotations))
+    positions = skeleton_positions(skeleton, rotations)
+    motion = Motion(skeleton, recording.motion.fps, positions.astype(np.float32), rotations)
+    return replace(recording, motion=motion)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +75,8 @@ def store(tmp_path_factory):
         turning(
             make_recording(
                 f"take{i}", speaker=("ada", "ben")[i % 2], seconds=24, seed=i, phases=True
-            )
+            ),
+            i,
         )
         for i in range(6)
     ]
