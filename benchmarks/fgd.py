@@ -65,7 +65,7 @@ def main() -> None:
                 for moved in (batch, batch + 0.1)
             ]
             metric.update(*sides)
-        return metric.compute()["fgd"].item()
+        return metric.compute()["value"].item()
 
     features = torch.randn(2, arguments.windows, 32, dtype=torch.float64)
     moments = [value.numpy() for side in features for value in (side.mean(0), torch.cov(side.T))]

@@ -85,7 +85,7 @@ def made_up_database(sequences: int, seed: int = 0) -> MatchingDatabase:
     normalisations = []
     for features in (pose, audio):
         blocks = [features[i] for i in range(0, sequences, max(1, sequences // 500))]
-        normalisation = Normalisation.over(lambda blocks=blocks: blocks)
+        normalisation = Normalisation.over(blocks.copy)
         for rows in range(0, sequences, 256):
             features[rows : rows + 256] = normalisation(features[rows : rows + 256])
         normalisations.append(normalisation)
@@ -96,11 +96,13 @@ def made_up_database(sequences: int, seed: int = 0) -> MatchingDatabase:
         np.zeros((sequences, frames, 0, 3), dtype=np.float32),
         np.full((sequences, frames), -1, dtype=np.int8),
         np.ones((sequences, frames), dtype=np.bool_),
-        *np.zeros((2, sequences), dtype=np.int32),
+        np.zeros(sequences, dtype=np.int32),
+        np.zeros(sequences, dtype=np.int32),
         np.arange(sequences) * frames / spec.fps,
         SpokenWords((), *np.zeros((2, 0), dtype=np.int32), *np.zeros((2, 0))),
         ("made up",),
-        *normalisations,
+        normalisations[0],
+        normalisations[1],
         (),
         (),
         (),

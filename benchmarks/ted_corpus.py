@@ -106,7 +106,7 @@ def window_rates(store_dir: Path, seconds: float) -> list[dict[str, float | str]
     from cospeech.corpus.windows import WindowDataset, WindowSpec
 
     (path,) = store_dir.glob("ted*")
-    store, rows = Store(path), []
+    store, rows = Store(path), list[dict[str, float | str]]()
     for name, needs in NEEDS.items():
         dataset = WindowDataset(store, "train", WindowSpec(15, 34, 4, 10), needs)
         rng = np.random.default_rng(0)

@@ -53,20 +53,21 @@ class Alternating(Trimodal):
         """The epoch whose schedule is measured."""
         return self.epoch
 
-    def training_step(self, batch: GestureBatch, batch_idx: int) -> None:
+    def training_step(self, batch: GestureBatch, batch_idx: int) -> dict[str, Tensor]:
         """Time one step of the order whose turn it is."""
         order = "published" if batch_idx % 2 else "shared"
         step = self.published_step if batch_idx % 2 else super().training_step
         if batch_idx < 2:
             with FlopCounterMode(display=False) as counter:
-                step(batch, batch_idx)
+                logged = step(batch, batch_idx)
             self.flops[order] = counter.get_total_flops()
-            return
+            return logged or {}
         self._wait()
         start = time.perf_counter()
-        step(batch, batch_idx)
+        logged = step(batch, batch_idx)
         self._wait()
         self.seconds[order].append(time.perf_counter() - start)
+        return logged or {}
 
     def _wait(self) -> None:
         if self.device.type == "cuda":

@@ -7,7 +7,8 @@ from typing import Any
 from lightning import Callback, LightningModule, Trainer
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.evaluation import EpochEvaluation
+from cospeech.corpus.window_loader import WindowLoader
+from cospeech.evaluation import EpochEvaluation, EvaluationFields
 from cospeech.experiment import RunContext
 from cospeech.methods.base import GestureMethod
 
@@ -25,15 +26,17 @@ class EvaluateFGD(Callback):
     def __init__(self, run: RunContext) -> None:
         self.encoder, self.catalogue = run.encoder, run.catalogue
         self._evaluation: EpochEvaluation | None = None
+        self._fields = dict[str, EvaluationFields]()
 
-    def _start(self, pl_module: LightningModule) -> None:
-        if self.encoder is not None and isinstance(pl_module, GestureMethod):
-            self._evaluation = EpochEvaluation(
-                self.catalogue,
-                self.encoder,
-                pl_module.window.of_split("val"),
-                pl_module.device,
-            )
+    def _start(self, pl_module: LightningModule, stage: str, loader: Any) -> None:
+        if self.encoder is None or not isinstance(pl_module, GestureMethod):
+            return
+        assert isinstance(loader, WindowLoader)
+        if stage not in self._fields:  # the windows of a stage are fixed
+            self._fields[stage] = EvaluationFields(loader.dataset, self.catalogue.needs)
+        self._evaluation = EpochEvaluation(
+            self.catalogue, self.encoder, self._fields[stage], pl_module.device
+        )
 
     def _update(self, outputs: Any, batch: GestureBatch) -> None:
         if self._evaluation is not None:
@@ -51,7 +54,7 @@ class EvaluateFGD(Callback):
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Empty metrics on the module's device."""
-        self._start(pl_module)
+        self._start(pl_module, "val", trainer.val_dataloaders)
 
     def on_validation_batch_end(
         self,
@@ -71,7 +74,7 @@ class EvaluateFGD(Callback):
 
     def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """As for validation."""
-        self._start(pl_module)
+        self._start(pl_module, "test", trainer.test_dataloaders)
 
     def on_test_batch_end(
         self,

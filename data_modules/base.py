@@ -58,6 +58,8 @@ class StoreDataModule(LightningDataModule):
             compared on the same split.
         strict: Fail on a bad recording instead of skipping it with a report.
         max_recordings: Use only so many recordings (debug runs); None for all.
+        encoder: What usually judges on this corpus, for ``conf/metrics``: ``"trained"`` on it,
+            or ``"packaged"``. The store doesn't depend on it.
         workers: Processes that read the sources; None: one per core where it pays. The store's
             bytes are the same.
 
@@ -74,6 +76,7 @@ class StoreDataModule(LightningDataModule):
     split_seed: int
     strict: bool
     max_recordings: int | None
+    encoder: str = "trained"
     workers: int | None = None
 
     def __post_init__(self) -> None:

@@ -14,6 +14,7 @@ from cospeech.doctor import examined_source
 from cospeech.errors import ConfigError
 from cospeech.formats.mocap import (
     MissingAudio,
+    ReadingSettings,
     Take,
     find_takes,
     leave_out_unsplit,
@@ -94,8 +95,7 @@ class MocapCorpus(StoreDataModule):
             takes = with_split_list(takes, self.split_list)
         if self.split == "published":
             takes = leave_out_unsplit(takes)
-        sources = take_sources(
-            takes,
+        settings = ReadingSettings(
             frame_rate=self.frame_rate,
             unit_scale=self.unit_scale,
             up_axis=self.up_axis,
@@ -103,7 +103,7 @@ class MocapCorpus(StoreDataModule):
             phase_tier=self.phase_tier,
             phase_labels=self.phase_labels,
         )
-        return [examined_source(source) for source in sources]
+        return [examined_source(source) for source in take_sources(takes, settings)]
 
     def settings(self) -> dict[str, Any]:
         """The corpus's own settings, of which tables are known by themselves."""

@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 import torch
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.matching.control import Controls, WordPattern, measure
 from cospeech.methods.motion_matching import MotionMatching
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.reporting.charts import chart_style, colour, draw_bones, new_figure, save_picture
 from cospeech.speech.speech import Word
 
 KEYWORD = "huge|enormous|giant|massive|big|large|wide|gigantic|vast"
@@ -78,6 +77,7 @@ def main() -> None:
     print(f"change: {100 * changes.mean():.1f} cm, standard error {100 * error:.1f} cm")
 
 
+@chart_style()
 def draw(
     method: MotionMatching,
     poses: dict[str, np.ndarray],
@@ -86,19 +86,19 @@ def draw(
 ) -> None:
     """One recording's curves, the keywords as bands, and both poses at one of them."""
     fps = method.window.fps
-    figure = Figure(figsize=(11, 3.4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(792, 245, "constrained")
     axis, *bodies = figure.subplots(1, 3, width_ratios=(4.4, 1, 1))
     shown = words[1]
     for (name, made), body in zip(poses.items(), bodies, strict=True):
         label = "no controls" if name == "without" else "with the keyword"
         distances = hands_distances(method, made)
-        axis.plot(np.arange(len(made)) / fps, 100 * distances, label=label, **LINES[name])
+        ink = colour(COLOURS[name])
+        axis.plot(np.arange(len(made)) / fps, 100 * distances, label=label, color=ink)
         part = around(shown, fps)
-        draw_body(body, method, made[part][distances[part].argmax()], LINES[name]["color"])
-        body.set_title(f"“{shown.text}”\n{label}", fontsize=9)
+        draw_body(body, method, made[part][distances[part].argmax()], ink)
+        body.set_title(f"“{shown.text}”\n{label}", fontsize=9, loc="center")
     for number, word in enumerate(words):
-        axis.axvspan(word.start - 0.2, word.end, color="#e9e1d1", zorder=0)
+        axis.axvspan(word.start - 0.2, word.end, color=colour("line"), zorder=0)
         if seconds[0] <= word.start <= seconds[1]:
             # Neighbours keep clear of one another.
             place = (
@@ -110,24 +110,18 @@ def draw(
     axis.set_ylim(20, 98)
     axis.set_xlabel("s")
     axis.set_ylabel("distance of the hands, cm")
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.legend(frameon=False, loc="upper left", ncols=2)
-    figure.savefig(Path(__file__).with_name("keyword_demo.png"), dpi=130)
+    axis.grid(axis="y")
+    axis.legend(loc="upper left", ncols=2)
+    save_picture(figure, Path(__file__).with_name("keyword_demo.png"))
 
 
-LINES = {
-    "without": {"color": "#9a9a9a", "linewidth": 1.2},
-    "with": {"color": "#4c72b0", "linewidth": 1.8},
-}
+COLOURS = {"without": "c8", "with": "c1"}
 
 
-def draw_body(axis: Axes, method: MotionMatching, pose: np.ndarray, colour: str) -> None:
+def draw_body(axis: Axes, method: MotionMatching, pose: np.ndarray, ink: str) -> None:
     """A pose from the front."""
-    joints = method.database.upper_body(pose)
-    for child, parent in enumerate(UPPER_BODY.parents):
-        if parent >= 0:
-            ends = joints[[parent, child]]
-            axis.plot(-ends[:, 0], ends[:, 1], color=colour, linewidth=3, solid_capstyle="round")
+    joints = method.database.upper_body(pose)[:, :2].astype(np.float64)
+    draw_bones(axis, joints * [-1, 1], UPPER_BODY.bones, color=ink, linewidth=3)
     axis.set_aspect("equal")
     axis.set_xlim(-0.5, 0.5)
     axis.set_ylim(-0.3, 0.7)

@@ -128,6 +128,7 @@ _HINT_POSITION = {
     "CospeechError": 1,
     "ConfigError": 1,
     "InputFileError": 3,
+    "ContentError": 2,
     "understood": 2,
     "Finding": 5,
 }

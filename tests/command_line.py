@@ -15,7 +15,6 @@ SMALL = (
     "training.batch_size=16",
     "data.minutes=4",
     "data.speakers=2",
-    "metrics.encoder_epochs=1",
     "callbacks.render_samples.video=false",
     "callbacks.render_samples.clips=1",
     "callbacks.render_samples.seconds=3",

@@ -43,7 +43,6 @@ TINY = (
     "experiment=multi_adversary_quick",
     "data.minutes=6",
     "data.speakers=2",
-    "metrics.encoder_epochs=1",
     "model.hidden_size=16",
     "model.classifier_sizes={dense: 8, recurrent: 8, bidirectional: 8}",
     "model.classifier_steps=5",

@@ -8,7 +8,10 @@ from tests.advice import Known, Text, faults, texts, texts_of_code
 
 OF_OTHERS = {"input_context": "a setting of the published code, named in what its checkpoint says"}
 
-ADDED = {("docs/how_to/add_a_corpus.md", "data=positions")}
+ADDED = {
+    ("docs/how_to/add_a_corpus.md", "data=positions"),
+    ("docs/how_to/add_a_metric.md", "metrics=mine"),
+}
 """What a page adds itself, and names."""
 
 

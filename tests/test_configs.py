@@ -46,6 +46,21 @@ def test_the_yaml_of_a_corpus_has_every_argument_of_its_class(data):
     assert set(values) - {"_target_"} == set(known_arguments(values._target_))
 
 
+@pytest.mark.parametrize("data", names("data"))
+def test_the_embedded_corpus_is_judged_by_the_packaged_encoder_and_any_other_by_its_own(data):
+    usual = "packaged" if data == "synthetic" else "trained"
+    for config, model in (("train", ["model=knn"]), ("evaluate", [])):
+        assert composed(*model, f"data={data}", config=config).metrics.encoder == usual
+
+
+@pytest.mark.parametrize(
+    ("data", "asked"), [("synthetic", "trained"), ("synthetic", "mine.pt"), ("mocap", "packaged")]
+)
+def test_the_encoder_that_is_asked_for_is_taken(data, asked):
+    cfg = composed("model=knn", f"data={data}", f"metrics.encoder={asked}")
+    assert cfg.metrics.encoder == asked
+
+
 @pytest.mark.parametrize(
     ("group", "name"),
     [

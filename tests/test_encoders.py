@@ -1,5 +1,6 @@
 """The encoder that judges a store is trained beside where it is kept."""
 
+import logging
 import tempfile
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ from cospeech import encoders
 from cospeech.encoders import encoder_for, keep_encoder
 from cospeech.errors import InputFileError
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.encoder import packaged_encoder, save_encoder
 from tests.corpora import make_recording, make_store
 from tests.damage import flipped
 
@@ -24,6 +26,19 @@ def test_an_encoder_is_trained_without_a_folder_for_temporary_files(tmp_path, mo
     assert [path.name for path in folder.glob("*.pt")] == ["autoencoder-e1-s0.pt"]
     assert not [path for path in folder.iterdir() if path.is_dir()]
     assert encoder_for(store, "trained", epochs=1, seed=0).sha256 == encoder.sha256
+
+
+def test_what_is_packaged_or_given_is_taken_and_nothing_is_trained(tmp_path, monkeypatch, caplog):
+    store = make_store(tmp_path, [make_recording(f"take{i}", seconds=6, seed=i) for i in range(6)])
+    mine = MotionAutoencoder(store.facts()).encoder("mine")
+    save_encoder(mine, tmp_path / "mine.pt")
+    monkeypatch.setattr(encoders, "Trainer", lambda **_: pytest.fail("trains"))
+    given = {"packaged": packaged_encoder(), str(tmp_path / "mine.pt"): mine}
+    for choice, encoder in given.items():
+        with caplog.at_level(logging.INFO):
+            assert encoder_for(store, choice, epochs=1, seed=0).sha256 == encoder.sha256
+        assert caplog.messages[-1] == f"judged by the encoder {encoder.sha256[:12]} ({choice})"
+    assert not (store.path / "encoders").exists()
 
 
 def test_a_checkpoint_that_was_written_badly_is_no_encoder(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from cospeech.errors import CospeechError, InputFileError
+from cospeech.errors import ContentError, CospeechError, InputFileError
 from cospeech.foreign import (
     linear_pattern,
     open_array,
@@ -29,6 +29,13 @@ def test_whatever_is_raised_inside_names_the_file(error: Exception) -> None:
         understood("some.file", "a joint map"),
     ):
         raise error
+
+
+def test_what_is_wrong_with_a_content_is_told_with_the_file_and_no_other_cause() -> None:
+    with pytest.raises(InputFileError) as caught, understood("f", "x", "another hint"):
+        raise ContentError("is odd", "line 2", "mend it")
+    assert str(caught.value) == "f, line 2: is odd\n  -> mend it"
+    assert caught.value.__cause__ is None
 
 
 def test_our_own_errors_and_a_stop_by_the_user_come_out_as_they_are() -> None:
@@ -137,10 +144,10 @@ def test_texts_of_far_too_many_values_are_refused() -> None:
     for many in ("[" + "[]," * 600_000 + "[]]", "[" + "{}," * 600_000 + "{}]"):
         with pytest.raises(InputFileError, match="too large for a record"):
             parse_json("a.json", many, "a record")
-        with pytest.raises(InputFileError, match="too large for a record"):
-            parse_json_stream("a.json", many, "a record")
-    with pytest.raises(InputFileError, match="more than 100000 JSON documents"):
-        parse_json_stream("a.json", "1 " * 100_001, "a record")
+        with pytest.raises(ContentError, match="too large for a record"):
+            parse_json_stream(many, "a record")
+    with pytest.raises(ContentError, match="more than 100000 JSON documents"):
+        parse_json_stream("1 " * 100_001, "a record")
     with pytest.raises(InputFileError, match="parts of yaml"):
         parse_yaml("a.yaml", "[" + "1," * 15_000 + "]", "a joint map")
 

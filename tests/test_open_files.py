@@ -29,6 +29,7 @@ GUARDED = {
     "reporting/markup.py": "the package's own style",
     "reporting/player/page.py": "the package's own style and script",
     "reporting/run_state.py": "opens without waiting, and reads nothing",
+    "studies/multi_adversary_figures/paper.py": "the package's own words",
     "speech/audio.py": "asks whether it is a file first",
     "speech/audio_streams.py": "its callers ask whether it is a file",
     "speech/fasttext_binary.py": "open_file has opened it",

@@ -74,15 +74,16 @@ weights, and trained in stages."""
 
 def train(outputs: Path, *overrides: str) -> experiment.RunResult:
     """What ``train.py`` does with these settings."""
-    return _done("train", experiment.run, outputs, overrides)
+    return done("train", experiment.run, outputs, overrides)
 
 
 def evaluate(outputs: Path, *overrides: str):
     """What ``evaluate.py`` does with these settings."""
-    return _done("evaluate", experiment.evaluate, outputs, overrides)
+    return done("evaluate", experiment.evaluate, outputs, overrides)
 
 
-def _done(script, task, outputs, overrides):
+def done(script, task, outputs, overrides):
+    """What a task gives back, done as by a root script with these settings."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
         given = [f"outputs_dir={outputs}", *overrides]
         cfg = compose(script, overrides=given, return_hydra_config=True)

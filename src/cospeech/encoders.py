@@ -1,4 +1,4 @@
-"""Which encoder judges a store: a given checkpoint, or one trained on it when first needed."""
+"""Which encoder judges a store: the packaged one, a given checkpoint, or one trained on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset
 from cospeech.errors import CospeechError
 from cospeech.judges import EvaluationEncoder
-from cospeech.metrics.encoder import GestureEncoder, load_any, load_encoder, save_encoder
+from cospeech.metrics.encoder import (
+    GestureEncoder,
+    load_any,
+    load_encoder,
+    packaged_encoder,
+    save_encoder,
+)
 from cospeech.motion.upper_body import EVALUATION_FRAMES
 from cospeech.nn.checkpoints import WholeCheckpoints
 from cospeech.nn.weights_file import read_checkpoint
@@ -37,16 +43,28 @@ def encoder_for(store: Store, choice: str, epochs: int, seed: int) -> GestureEnc
 
     Args:
         store: The corpus it is for.
-        choice: ``"trained"``: the 34-frame auto-encoder, trained on the store's training split the
+        choice: ``"packaged"``: that of the embedded corpus, which ships with the package;
+            ``"trained"``: the 34-frame auto-encoder, trained on the store's training split the
             first time and kept under the store; else the path of a checkpoint, ours or published.
         epochs: Training epochs of a trained one.
         seed: Seed of a trained one.
 
     Raises:
-        CospeechError: The checkpoint can't be used for 34-frame windows.
+        CospeechError: The checkpoint can't be used for 34-frame windows, or the packaged file
+            isn't as it was shipped.
     """
-    if choice != "trained":
-        return load_any(choice, EVALUATION_FRAMES)
+    match choice:
+        case "packaged":
+            encoder = packaged_encoder()
+        case "trained":
+            encoder = _trained(store, epochs, seed)
+        case _:
+            encoder = load_any(choice, EVALUATION_FRAMES)
+    logger.info("judged by the encoder %s (%s)", encoder.sha256[:12], choice)
+    return encoder
+
+
+def _trained(store: Store, epochs: int, seed: int) -> GestureEncoder:
     path = _path(store, epochs, seed)
     encoder = _kept(path)
     if encoder is None:

@@ -57,6 +57,22 @@ class InputFileError(CospeechError):
         super().__init__(f"{where}: {problem}", hint)
 
 
+class ContentError(CospeechError):
+    """What a file from outside holds can't be used, told by what isn't told the file's name.
+
+    `cospeech.foreign.understood` makes an `InputFileError` of it.
+
+    Args:
+        problem: What is wrong with it.
+        place: Where in it, as for `InputFileError`.
+        hint: The next step.
+    """
+
+    def __init__(self, problem: str, place: str | None = None, hint: str | None = None) -> None:
+        self.place = place
+        super().__init__(problem, hint)
+
+
 class ConfigError(CospeechError):
     """A combination of settings that can't work, found before anything is computed."""
 

@@ -12,19 +12,21 @@ import logging
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import re2
 import yaml
 
-from cospeech.errors import CospeechError, InputFileError
+from cospeech.errors import ContentError, CospeechError, InputFileError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+T = TypeVar("T")
 
 MOST_JSON_BYTES = 32 * 2**20
 """Python's objects take up to some 25 times the bytes of their JSON."""
@@ -67,11 +69,13 @@ def understood(path: str | Path, what: str, hint: str | None = None) -> Iterator
         hint: What to do without it.
 
     Raises:
-        InputFileError: Anything but a `CospeechError` was raised inside; those come out as they
-            are.
+        InputFileError: A `ContentError` was raised inside, or anything but a `CospeechError`; other
+            ones of those come out as they are.
     """
     try:
         yield
+    except ContentError as error:
+        raise InputFileError(path, error.problem, error.place, error.hint) from error.__cause__
     except CospeechError:
         raise
     except OSError as error:
@@ -87,7 +91,7 @@ def understood(path: str | Path, what: str, hint: str | None = None) -> Iterator
         raise InputFileError(path, f"is damaged, or not {what} ({told})", hint=hint) from error
 
 
-def require_no_pipe(path: Path, hint: str | None = None) -> None:
+def require_no_pipe(path: Path) -> None:
     """Refuse what would never end, or keep its reader waiting: pipes, devices, folders.
 
     For readers that open their file themselves; others take `open_file`.
@@ -96,7 +100,7 @@ def require_no_pipe(path: Path, hint: str | None = None) -> None:
         InputFileError: It is one of these. A file that is absent is left to its reader.
     """
     if path.exists() and not path.is_file():
-        raise _no_file(path, hint)
+        raise _no_file(path, None)
 
 
 def open_file(path: str | Path, hint: str | None = None) -> BufferedReader:
@@ -194,57 +198,46 @@ def parse_json(
         InputFileError: No JSON, too much of it, nested too deep, or a number of more than
             `MOST_DIGITS` digits.
     """
-    _require_few_containers(path, text, what, hint, most_containers)
-    decoder = _decoder(text)
-    try:
-        values = decoder.decode(text)
-    except (RecursionError, ValueError) as error:
-        raise _no_json(path, error, what, hint) from error
-    return _without_surrogates(values) if _SURROGATE_ESCAPE.search(text) else values
+    with understood(path, what, hint):
+        return _decoded(text, what, hint, most_containers, lambda decoder: decoder.decode(text))
 
 
-def parse_json_stream(path: str | Path, text: str, what: str, hint: str | None = None) -> list[Any]:
+def parse_json_stream(text: str, what: str, hint: str | None = None) -> list[Any]:
     """The values of JSON documents that were written one after another.
 
     Raises:
-        InputFileError: As `parse_json`, or more than `MOST_DOCUMENTS`.
+        ContentError: As `parse_json`, or more than `MOST_DOCUMENTS`.
     """
-    _require_few_containers(path, text, what, hint, MOST_JSON_CONTAINERS)
-    decoder = _decoder(text)
-    documents: list[Any] = []
-    place = _NOT_BLANK.search(text)
-    while place is not None:
-        if len(documents) == MOST_DOCUMENTS:
-            problem = f"holds more than {MOST_DOCUMENTS} JSON documents"
-            raise InputFileError(path, problem, hint=hint)
-        try:
+
+    def every(decoder: json.JSONDecoder) -> list[Any]:
+        documents: list[Any] = []
+        place = _NOT_BLANK.search(text)
+        while place is not None:
+            if len(documents) == MOST_DOCUMENTS:
+                raise ContentError(f"holds more than {MOST_DOCUMENTS} JSON documents", hint=hint)
             document, end = decoder.raw_decode(text, place.start())
-        except (RecursionError, ValueError) as error:
-            raise _no_json(path, error, what, hint) from error
-        documents.append(document)
-        place = _NOT_BLANK.search(text, end)
-    return _without_surrogates(documents) if _SURROGATE_ESCAPE.search(text) else documents
+            documents.append(document)
+            place = _NOT_BLANK.search(text, end)
+        return documents
+
+    return _decoded(text, what, hint, MOST_JSON_CONTAINERS, every)
 
 
-def _require_few_containers(
-    path: str | Path, text: str, what: str, hint: str | None, most: int
-) -> None:
+def _decoded(
+    text: str, what: str, hint: str | None, most: int, decode: Callable[[json.JSONDecoder], T]
+) -> T:
     if text.count("[") + text.count("{") > most:
-        problem = f"too large for {what} (over {most} lists and objects)"
-        raise InputFileError(path, problem, hint=hint)
-
-
-def _decoder(text: str) -> json.JSONDecoder:
-    # A function of ours per integer is slow, and hardly a file has a long one.
-    return json.JSONDecoder(parse_int=_integer if _LONG_NUMBER.search(text) else None)
-
-
-def _no_json(path: str | Path, error: Exception, what: str, hint: str | None) -> InputFileError:
-    if isinstance(error, json.JSONDecodeError):
+        raise ContentError(f"too large for {what} (over {most} lists and objects)", hint=hint)
+    try:
+        # A function of ours per integer is slow, and hardly a file has a long one.
+        values = decode(json.JSONDecoder(parse_int=_integer if _LONG_NUMBER.search(text) else None))
+    except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        return InputFileError(path, f"is not valid JSON ({error.msg})", place, hint)
-    problem = f"is not {what}: nested too deep, or a number too long ({error})"
-    return InputFileError(path, problem, hint=hint)
+        raise ContentError(f"is not valid JSON ({error.msg})", place, hint) from error
+    except (RecursionError, ValueError) as error:
+        problem = f"is not {what}: nested too deep, or a number too long ({error})"
+        raise ContentError(problem, hint=hint) from error
+    return _without_surrogates(values) if _SURROGATE_ESCAPE.search(text) else values
 
 
 def read_yaml(

@@ -6,13 +6,19 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
+Item = TypeVar("Item")
+
+AHEAD = 2
+"""Items per process that are in work or done early: these are held in memory."""
 
 
 class Processes(ProcessPoolExecutor):
@@ -33,6 +39,39 @@ class Processes(ProcessPoolExecutor):
         """As the base's; a process that it starts never hears Ctrl-C, not even while it starts."""
         with _ctrl_c_waits():
             return super().submit(fn, *args, **kwargs)
+
+
+def in_order(
+    task: Callable[[Item], T], items: Iterable[Item], workers: int
+) -> Generator[T, None, None]:
+    """What a task makes of each item, in their order, whatever the number of workers.
+
+    Closed early, it waits for what is being worked on and leaves the rest undone.
+
+    Args:
+        task: Does one item. Another process finds it by its name: a module's function, or a
+            `functools.partial` of one.
+        items: Taken from as there is work for them: `AHEAD` per worker are in work or wait to be
+            given.
+        workers: Processes; 1 works in this one.
+
+    Raises:
+        BrokenProcessPool: A process was killed.
+    """
+    if workers <= 1:
+        yield from map(task, items)
+        return
+    pool, remaining = Processes(workers), iter(items)
+    waiting: deque[Future[T]] = deque()
+    try:
+        while True:
+            for item in islice(remaining, AHEAD * workers - len(waiting)):
+                waiting.append(pool.submit(task, item))
+            if not waiting:
+                return
+            yield waiting.popleft().result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager

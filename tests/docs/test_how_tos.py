@@ -2,11 +2,14 @@
 
 import importlib
 import inspect
+import os
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 import yaml
 from hydra.utils import get_class
 
@@ -127,6 +130,34 @@ def test_the_corpus_of_its_page_is_read_and_damage_is_told(added, tmp_path):
         list(source.read())
     with pytest.raises(CospeechError, match=r"data\.root"):
         find_takes(root)
+
+
+@pytest.mark.parametrize("name", ["getting_started.md", "streams.md"])
+def test_a_command_of_a_page_takes_the_newest_of_several_runs(name, tmp_path):
+    for age, run in enumerate(("knn-synthetic-full-s1-2", "knn-z", "knn-synthetic-full-s0-3")):
+        folder = tmp_path / "outputs" / "runs" / run
+        folder.mkdir(parents=True)
+        os.utime(folder, (1e9 - age, 1e9 - age))
+    (tmp_path / "outputs/runs/knn_cgan-synthetic-full-s0-4").mkdir()
+    choices = [found for line in Page(name).commands for found in re.findall(r'"\$\(.*?\)"', line)]
+    assert choices
+    for choice in choices:
+        assert typed(f"echo {choice}", tmp_path) == "outputs/runs/knn-synthetic-full-s1-2\n"
+
+
+def test_the_sound_of_getting_started_is_of_the_newest_of_several_stores(tmp_path, monkeypatch):
+    takes = [make_recording(f"take{i}", seconds=8 + i, seed=i) for i in range(3)]
+    for age, folder in enumerate(("b", "a", "c")):
+        order = [*takes[age:], *takes[:age]]
+        store = make_store(tmp_path / "outputs/stores" / folder, order)
+        path = store.path.rename(tmp_path / "outputs/stores" / f"store-{folder}")
+        (tmp_path / "outputs/stores" / folder).rmdir()
+        os.utime(path / "manifest.json", (1e9 - age, 1e9 - age))
+    (block,) = [b for b in Page("getting_started.md").files if b.title == "speech.py"]
+    monkeypatch.chdir(tmp_path)
+    exec(block.code, {})
+    # the last take of the store b is the only one of ten seconds
+    assert soundfile.info("speech.wav").duration == pytest.approx(10)
 
 
 @pytest.mark.slow

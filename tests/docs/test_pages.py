@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import yaml
 
+from cospeech.corpus.features import FIELDS
 from tests.docs.pages import PROJECT
 
 DOCS = PROJECT / "docs"
@@ -53,6 +54,21 @@ def test_links_of_a_readme_lead_to_pages_and_pictures_of_the_site():
     assert "](motion_matching.md)" in shown("methods/refinement.md")
     assert "](CHANGELOG.md)" not in shown("contributing.md")
     assert "](changelog.md)" in shown("contributing.md")
+
+
+def test_every_field_is_on_its_page_with_its_axis_its_unit_and_its_values():
+    rows = [
+        [cell.strip() for cell in line.strip("|").split(" | ")]
+        for line in shown("fields.md").splitlines()
+        if line.startswith("| `")
+    ]
+    assert [row[0] for row in rows] == [f"`{name}`" for name in FIELDS]
+    assert [row[1:3] for row in rows] == [[f.axis, f.unit] for f in FIELDS.values()]
+    of = {row[0]: row for row in rows}
+    assert "-1 where nobody annotated" in of["`phases`"][2]
+    assert of["`words`"][4:] == ["int64", "words"]
+    assert of["`cepstra`"][3] == "28"
+    assert len({len(row) for row in rows}) == 1
 
 
 def test_every_page_can_be_reached():

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import soundfile
 
-from cospeech.doctor import Check, Settings, Severity, check_path
+from cospeech.doctor import Check, Severity, check_path
 from cospeech.doctor.layouts import find_layout
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.formats.mocap import ReadingSettings
 from cospeech.motion.bvh import write_bvh
 from tests.doctor.planted import (
     moved_words,
@@ -151,7 +152,7 @@ def test_frames_that_are_not_there_are_what_the_reader_calls_them(folder, takes,
     of_it = [finding for finding in check_path(folder).findings if finding.file == str(path)]
     assert [finding.check for finding in of_it] == [Check.UNREADABLE]
     assert "rows follow" in of_it[0].problem
-    settings = Settings(frame_rate=takes[1].motion.fps)
+    settings = ReadingSettings(frame_rate=takes[1].motion.fps)
     told = check_path(folder, settings=settings).findings
     assert not [finding for finding in told if finding.file == str(path)]
 
@@ -171,7 +172,7 @@ def test_metres_in_a_file_of_centimetres(folder, takes):
     finding = the_error(check_path(folder).findings, Check.UNITS)
     assert finding.file == str(folder / f"{takes[0].id}.bvh")
     assert "data.unit_scale=1 " in finding.next_step
-    mended = check_path(folder, settings=Settings(unit_scale=1.0))
+    mended = check_path(folder, settings=ReadingSettings(unit_scale=1.0))
     assert str(folder / f"{takes[0].id}.bvh") not in {
         finding.file for finding in mended.findings if finding.check is Check.UNITS
     }

@@ -8,10 +8,10 @@ import pytest
 
 from cospeech.corpus.packing import pack_source
 from cospeech.corpus.recording import Recording
-from cospeech.doctor import Check, Settings, Severity, check_path, examined_source
+from cospeech.doctor import Check, Severity, check_path, examined_source
 from cospeech.errors import CospeechError
 from cospeech.experiment.preparing import what_was_left_out
-from cospeech.formats.mocap import Voice, find_takes, take_sources
+from cospeech.formats.mocap import ReadingSettings, Voice, find_takes, take_sources
 from data_modules.mocap import MocapData
 from tests.fabricated.mocap import (
     TRINITY_BODY,
@@ -148,7 +148,7 @@ def test_the_labels_of_a_corpus_are_said_once_to_both(folder, tmp_path):
     assert isinstance(recording, Recording)
     assert recording.phases is not None
     assert data.settings()["phase_labels"] == {"Wobble!": "stroke"}
-    checkup = check_path(folder, settings=Settings(phase_labels={"wobble": "stroke"}))
+    checkup = check_path(folder, settings=ReadingSettings(phase_labels={"wobble": "stroke"}))
     assert not any("phases" in finding.problem for finding in checkup.findings)
 
 

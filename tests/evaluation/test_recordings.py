@@ -8,10 +8,18 @@ import pytest
 import torch
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation import evaluate_recordings, reference_rows, standard_catalogue
+from cospeech.evaluation import (
+    Catalogue,
+    evaluate_recordings,
+    reference_rows,
+    standard_catalogue,
+)
+from cospeech.evaluation.real_windows import real_windows
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
+from cospeech.metrics.evaluation_windows import EvaluationWindows
 from cospeech.metrics.moments import recording_moments
 from cospeech.metrics.uncertainty import fgd_interval
+from cospeech.metrics.window_metric import MeanOverWindows
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from tests.corpora import REST_POSE, make_recording, make_store
@@ -85,6 +93,56 @@ def test_who_never_spoke_in_the_training_has_no_name(tmp_path):
     assert method.asked == [(None, 0, False)]
 
 
+@pytest.mark.parametrize(
+    ("seconds", "speakers", "expected"),
+    [
+        (2.4, ("ada", "ben", "ada"), ["ada", "ben", "ada"]),  # samples, cut from longer takes
+        (2.4, ("ada", "ada", "ada"), ["take0", "take1", "take2"]),
+        (3.0, ("ada", "ben", "ada"), ["take0", "take0", "take1", "take1", "take2", "take2"]),
+    ],
+)
+def test_of_samples_of_one_window_the_speaker_is_what_is_independent(
+    tmp_path, seconds, speakers, expected
+):
+    takes = [make_recording(f"take{i}", who, seconds) for i, who in enumerate(speakers)]
+    others = [make_recording(name, "ada", seconds) for name in ("v", "t")]
+    store = make_store(tmp_path, [*takes, *others])
+    assert real_windows(store, store.splits["train"])[1] == expected
+
+
+class Labelled(MeanOverWindows):
+    """The share of frames that somebody annotated."""
+
+    title = "labelled"
+    needs = frozenset({"phases"})
+    compares = "nothing"
+    higher_is_better = None
+
+    def mean(self, generated, real):
+        return (generated.fields["phases"] >= 0).double().mean()
+
+
+def test_recordings_and_training_windows_without_what_a_metric_reads_are_left_out(tmp_path):
+    seconds = (8, 7, 9, 10)
+    takes = [
+        make_recording(f"take{i}", seconds=s, seed=i, phases=i in (1, 3))
+        for i, s in enumerate((*seconds, 8, 8))
+    ]
+    takes[5] = make_recording("take5", seconds=8, seed=5, phases=True)
+    store = make_store(tmp_path, takes)
+    windows = [(15 * s - 34) // 10 + 1 for s in seconds]
+    encoder, catalogue = untrained_encoder(store, 0), Catalogue({"labelled": Labelled()})
+    row = evaluate_recordings(Still(), store, "train", encoder, catalogue)
+    assert (row["windows"], row["labelled"]) == (windows[1] + windows[3], 1)
+    first = evaluate_recordings(Still(), store, "train", encoder, catalogue, limit=1)
+    assert (first["windows"], first["labelled"]) == (windows[1], 1)
+    rows = reference_rows(store, encoder, "test", 0, catalogue)
+    assert (rows["real_train"]["windows"], rows["real_train"]["labelled"]) == (
+        windows[1] + windows[3],
+        1,
+    )
+
+
 class Waving:
     """Motion of its own for every recording, by its length."""
 
@@ -126,3 +184,11 @@ def test_the_interval_draws_whole_recordings(tmp_path):
     assert (row["fgd_low"], row["fgd_high"]) == pytest.approx(
         (expected.low, expected.high), rel=1e-4
     )
+
+    def judged(features):
+        return EvaluationWindows(torch.zeros(len(features), 34, 10, 3), features)
+
+    pair = judged(torch.cat(made)), judged(torch.cat(real))
+    row = standard_catalogue().row(*pair, recording_ids=ids, seed=3)
+    moments = (recording_moments(windows.features, ids) for windows in reversed(pair))
+    assert row["fgd_low"] == fgd_interval(*moments, seed=3).low != expected.low

@@ -167,7 +167,7 @@ def test_row_agrees_with_the_streaming_metric(published, people):
     for a, b in zip(model.split(32), real.split(32), strict=True):
         metric.update(encoded(published, a), encoded(published, b))
     row = METRICS.row(encoded(published, model), encoded(published, real), recording_ids=ids)
-    assert metric.compute()["fgd"].item() == pytest.approx(row["fgd"], rel=1e-5)
+    assert metric.compute()["value"].item() == pytest.approx(row["fgd"], rel=1e-5)
 
 
 def test_one_recording_gives_the_rows_that_it_can(caplog):
@@ -181,6 +181,32 @@ def test_one_recording_gives_the_rows_that_it_can(caplog):
     assert "no real-versus-real floor" in caplog.text
     with pytest.raises(CospeechError, match="0 windows to be compared with 40 real ones"):
         references.rows_of(encoder, [], real, ["only"] * 40, 0, METRICS)
+
+
+def test_the_mean_pose_and_what_is_damped_towards_it_are_the_training_s():
+    encoder = GestureEncoder(PoseAutoencoder(), [0.0] * 27)
+    generator = torch.Generator().manual_seed(0)
+    train = 3 + torch.randn(30, 34, 10, 3, generator=generator)
+    train[:20] += 6
+    real = torch.randn(24, 34, 10, 3, generator=generator)
+    batches = [encoded(encoder, batch) for batch in train.split((20, 5, 5))]
+    ids = [i // 4 for i in range(24)]
+    rows = references.rows_of(encoder, batches, encoded(encoder, real), ids, 0, METRICS)
+    pose = train.double().mean((0, 1))
+    from_pose = (real.double() - pose)[:, 4:].abs().mean().item()
+    assert rows["mean_pose"]["joint_mae"] == pytest.approx(from_pose, rel=1e-5)
+    assert rows["attenuated"]["joint_mae"] == pytest.approx(0.2 * from_pose, rel=1e-5)
+
+
+def test_batches_of_a_side_are_compared_with_the_real_windows_once():
+    encoder = GestureEncoder(PoseAutoencoder(), [0.0] * 27)
+    generator = torch.Generator().manual_seed(0)
+    made, real = (
+        encoded(encoder, torch.randn(n, 34, 10, 3, generator=generator)) for n in (60, 40)
+    )
+    whole = METRICS.row_of_batches([made], real, without="pairs")
+    parts = [made[torch.arange(first, first + 20)] for first in (0, 20, 40)]
+    assert METRICS.row_of_batches(parts, real, without="pairs") == pytest.approx(whole, rel=1e-4)
 
 
 def test_noise_study_shows_what_the_paper_reports(published, people):

@@ -8,7 +8,7 @@ import torch
 from cospeech.corpus.store import Store
 from cospeech.corpus.window_loader import open_windows
 from cospeech.corpus.windows import WindowDataset
-from cospeech.evaluation import EpochEvaluation, standard_catalogue
+from cospeech.evaluation import EpochEvaluation, EvaluationFields, standard_catalogue
 from cospeech.methods.multi_adversary import MultiAdversary
 from cospeech.methods.multi_adversary.tally import Tally
 from cospeech.methods.trimodal import Trimodal
@@ -53,6 +53,8 @@ def test_two_processes_share_the_windows_and_the_metrics(tmp_path):
     done = command_line.run(
         tmp_path,
         *SMALL,
+        "metrics.encoder=trained",
+        "metrics.encoder_epochs=1",
         "training.epochs=2",
         "model.adversarial_start_epoch=1",
         "model.mean_style=true",
@@ -82,9 +84,9 @@ def test_two_processes_share_the_windows_and_the_metrics(tmp_path):
     dataset = WindowDataset(store, "test", method.window, method.needs)
     batch = dataset.batch(range(len(dataset)))
     (encoder,) = store.path.glob("encoders/*.pt")
-    evaluation = EpochEvaluation(
-        standard_catalogue(), load_encoder(encoder), method.window, torch.device("cpu")
-    )
+    catalogue = standard_catalogue()
+    fields = EvaluationFields(dataset, catalogue.needs)
+    evaluation = EpochEvaluation(catalogue, load_encoder(encoder), fields, torch.device("cpu"))
     evaluation.update(method.sample(batch, torch.Generator()), batch)
     for name, value in evaluation.compute().items():
         found = record["final"]["windows"][name]

@@ -11,12 +11,14 @@ import torch
 
 from cospeech.corpus.manifest import write_manifest
 from cospeech.errors import ConfigError, CospeechError
+from cospeech.evaluation import standard_catalogue
 from cospeech.experiment import evaluate, generate, generating, own_or_given
 from cospeech.experiment.finished_run import load, open_run
 from cospeech.methods.capabilities import HasSchedule
 from cospeech.nn.checkpoints import previous_of
 from tests.corpora import make_recording
 from tests.runs import FINGERPRINT, METHODS, Outputs, command, read_record, write_record
+from tests.trainings import done
 
 
 @pytest.fixture(scope="module")
@@ -206,7 +208,8 @@ def test_a_corpus_that_is_gone_is_not_made_again_on_a_strangers_word(outputs, ru
     assert "data=synthetic data.minutes=4 data.speakers=3" in caught.value.hint
     assert "store_dir=/" not in caught.value.hint
     # With the corpus back, the encoder has to be trained again too: all of it is said at once.
-    assert "metrics.encoder_epochs=7 metrics.reference_seed=2 data=" in caught.value.hint
+    own = "metrics.encoder=trained metrics.encoder_epochs=7 metrics.reference_seed=2 data="
+    assert own in caught.value.hint
     assert list(tmp_path.iterdir()) == []
 
 
@@ -262,7 +265,124 @@ def test_an_encoder_that_is_gone_is_not_trained_for_as_long_as_a_record_says(
     write_record(run, record)
     with pytest.raises(ConfigError, match="isn't kept beside") as caught:
         judged(outputs, run, tmp_path, f"outputs_dir={outputs.folder}")
-    assert "metrics.encoder_epochs=1000000000" in caught.value.hint
+    assert "metrics.encoder=trained metrics.encoder_epochs=1000000000" in caught.value.hint
+    assert "or judge with metrics.encoder=packaged" in caught.value.hint
+
+
+@pytest.mark.parametrize(("data", "usual"), [("synthetic", "packaged"), ("mocap", "trained")])
+def test_a_run_is_judged_by_its_own_encoder_or_by_what_is_usual_for_its_corpus(
+    data, usual, outputs, run, monkeypatch
+):
+    record = read_record(run)
+    if data == "mocap":
+        record["config"]["data"] = {"_target_": "data_modules.mocap.MocapData", "root": "x"}
+    by_its_own = {"encoder": "trained", "encoder_epochs": 60}  # as before any was packaged
+    record["config"]["metrics"] |= by_its_own
+    write_record(run, record | {"data": data})
+    monkeypatch.setattr(own_or_given, "chosen_encoder", lambda store, metrics: metrics.encoder)
+    for typed, encoder in (
+        ([], "trained"),
+        (["metrics.reference_seed=3"], usual),
+        (["metrics.reference_seed=3", "data.store_dir=stores"], usual),
+        (["metrics.encoder=mine.pt"], "mine.pt"),
+    ):
+        monkeypatch.setattr(own_or_given, "_overrides", lambda typed=typed: typed)
+        with command("evaluate", f"run={run}", *typed) as cfg:
+            found, metrics = own_or_given.encoder_of(open_run(run), cfg, outputs.store)
+        assert found == metrics.encoder == encoder, typed
+
+
+MINE = """\
+defaults: [default]
+{more}
+catalogue:
+  loud: {{_target_: cospeech.metrics.joint_mae.JointMAE}}
+"""
+
+
+@pytest.fixture
+def chosen(tmp_path):
+    """Yaml files of metrics of a user's own."""
+    (tmp_path / "conf" / "metrics").mkdir(parents=True)
+    for name, more in (("mine", ""), ("same", "encoder_epochs: 60"), ("other", "encoder: a.pt")):
+        path = tmp_path / "conf" / "metrics" / f"{name}.yaml"
+        path.write_text(MINE.format(more=more))
+    (tmp_path / "conf" / "metrics" / "upon.yaml").write_text("defaults: [other]\n")
+    return f"hydra.searchpath=[{tmp_path / 'conf'}]"
+
+
+def test_which_metrics_there_are_says_nothing_of_the_encoder(chosen, monkeypatch):
+    monkeypatch.setattr(own_or_given, "_search_path", lambda: [chosen])
+    with command("evaluate", chosen):
+        for typed, says_how in (
+            ("~metrics.catalogue.joint_mae", False),
+            ("+metrics.catalogue.encoder._target_=mine.Loudness", False),
+            ("++metrics.catalogue.x={_target_: mine.Loudness}", False),
+            ("metrics.catalogue.fgd=null", False),
+            ("~metrics.catalogue", False),
+            ("~metrics.encoder", False),
+            ("data.encoder=packaged", False),
+            ("metrics=mine", False),
+            ("metrics=same", False),
+            ("metrics=other", True),
+            ("metrics=upon", True),
+            ("metrics.encoder=a.pt", True),
+            ("+metrics.encoder=a.pt", True),
+            ("++metrics.encoder_seed=0", True),
+            ("metrics.encoder_epochs=60", True),
+        ):
+            monkeypatch.setattr(own_or_given, "_overrides", lambda typed=typed: ["run=a", typed])
+            assert own_or_given._says_how_to_judge() is says_how, typed
+
+
+@pytest.mark.parametrize("typed", ["~metrics.catalogue.acceleration_error", "metrics=mine"])
+def test_a_choice_of_metrics_leaves_the_runs_encoder(
+    typed, outputs, run, chosen, tmp_path, monkeypatch
+):
+    def judging(cfg):
+        return own_or_given.encoder_of(open_run(run), cfg, outputs.store)
+
+    monkeypatch.setattr(own_or_given, "chosen_encoder", lambda store, metrics: metrics.encoder)
+    given = (chosen, f"run={run}", f"hydra.run.dir={tmp_path / 'made'}", typed)
+    encoder, _ = done("evaluate", judging, outputs.folder, given)
+    assert encoder == str(outputs.encoder)
+
+
+def test_metrics_of_a_run_that_the_command_lacks_are_told(
+    outputs, run, chosen, tmp_path, monkeypatch, caplog
+):
+    (tmp_path / "conf" / "metrics" / "broken.yaml").write_text("defaults: [nowhere]\n{")
+    monkeypatch.setattr(own_or_given, "names_of", lambda group: ["broken", "mine"])
+    monkeypatch.setattr(own_or_given, "_search_path", lambda: [chosen])
+    lacks = "which this command doesn't name: add"
+    line = "+metrics.catalogue.{}._target_=..."
+    for names, typed, said in (
+        (["fgd", "fgd_extrapolated", "joint_mae"], ["~metrics.catalogue.fgd"], None),
+        (["fgd", "loud"], ["metrics=mine"], None),
+        (["fgd", "loud"], ["metrics=mine", "~metrics.catalogue.loud"], None),
+        (["fgd", "loud"], [], f"also judged by loud, {lacks} metrics=mine"),
+        (["a", "b"], [], f"also judged by a, b, {lacks} {line.format('a')} {line.format('b')}"),
+        (["$(rm -r /)"], [], f"$(rm -r /), {lacks} their lines to a yaml in conf/metrics"),
+        ([f"m{i}" for i in range(300)], [], f"by m0, m1, m2, m3, m4 and 295 more, {lacks}"),
+    ):
+        caplog.clear()
+        columns = [{"key": name, "title": name, "better": None} for name in names]
+        write_record(run, read_record(run) | {"metrics": columns})
+        monkeypatch.setattr(own_or_given, "_overrides", lambda typed=typed: typed)
+        with command("evaluate", chosen, *typed) as cfg:
+            own_or_given.catalogue_of(open_run(run), cfg)
+        told = [text for text in caplog.messages if "also judged" in text]
+        assert len(told) == (said is not None), names
+        assert "\n" not in "".join(told)
+        assert (said or "") in "".join(told)
+
+
+def test_a_run_is_judged_by_the_metrics_of_the_command(outputs, run, tmp_path, caplog):
+    write_record(run, read_record(run) | {"metrics": [{"key": "os.system"}]})
+    judged(outputs, run, tmp_path / "made")
+    assert "also judged by os.system, which" in caplog.text
+    values = json.loads((tmp_path / "made" / "evaluation.json").read_text())
+    assert values["metrics"] == standard_catalogue().described()
 
 
 def test_a_split_that_is_none_is_named_before_anything_slow(outputs, run, tmp_path):
@@ -278,10 +398,10 @@ def test_a_study_of_a_corpus_takes_no_run(outputs, run, tmp_path):
 
 def test_a_corpus_that_is_given_has_to_be_the_runs(outputs, run, tmp_path, monkeypatch):
     typed = ["run=x", "data=mocap", "+data.root=a", "data.store_dir=b", "metrics.encoder=c"]
-    typed += ["+metrics.catalogue.mine._target_=d"]
+    typed += ["~data.workers"]
     monkeypatch.setattr(own_or_given, "_overrides", lambda: typed)
-    assert own_or_given.given("data", "store_dir") == ["data=mocap", "+data.root=a"]
-    assert own_or_given.given("metrics", "catalogue") == ["metrics.encoder=c"]
+    assert own_or_given.given("data", "store_dir", "workers") == ["data=mocap", "+data.root=a"]
+    assert own_or_given.given("metrics") == ["metrics.encoder=c"]
     assert own_or_given.given("dat") == []
     other = SimpleNamespace(prepare_store=lambda: SimpleNamespace(fingerprint=64 * "1"))
     monkeypatch.setattr(own_or_given, "build", lambda _: other)

@@ -9,16 +9,20 @@ import torch
 from cospeech.corpus.features.positions import at_evaluation_rate
 from cospeech.corpus.store import Store
 from cospeech.corpus.windows import WindowSpec
-from cospeech.errors import CospeechError
-from cospeech.experiment import run
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.experiment import judgeable, run
 from cospeech.experiment.failures import as_sentence
 from cospeech.experiment.judgeable import refuse_unjudgeable
 from cospeech.methods.fitted import FittedWithoutSteps
 from cospeech.methods.streams import WholeUtterance
+from cospeech.metrics.evaluation_windows import EvaluationWindows
+from cospeech.metrics.fgd import FrechetGestureDistance
+from cospeech.metrics.window_metric import VALUE
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from data_modules.base import StoreDataModule
 from tests.runs import Outputs, command
+from tests.trainings import train
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
 
@@ -153,3 +157,64 @@ def test_what_could_not_be_judged_is_refused_before_the_corpus_is_prepared(
 
 def test_the_least_length_is_said_as_it_is(outputs):
     refuse_unjudgeable("mine", LongEnough(outputs.facts))
+
+
+def test_the_values_of_a_frechet_distance_are_those_that_it_computes():
+    torch.manual_seed(0)
+    distance = FrechetGestureDistance()
+    windows = EvaluationWindows(torch.randn(40, 34, 10, 3), torch.randn(40, 32))
+    distance.update(windows, windows)
+    assert distance.compute().keys() == judgeable._OF_FGD | {VALUE}
+
+
+@pytest.mark.parametrize(
+    ("typed", "problem", "hint"),
+    [
+        (
+            "~metrics.catalogue.fgd",
+            "training.monitor=val/fgd: metrics.catalogue has no such metric",
+            "leave metrics.catalogue.fgd as it is, or watch another:"
+            " training.monitor=val/kernel_distance",
+        ),
+        (
+            "metrics.catalogue.joint_mae=null callbacks.best.monitor=val/joint_mae",
+            "callbacks.best.monitor=val/joint_mae: metrics",
+            "joint_mae as it is, or watch another: callbacks.best.monitor=val/fgd",
+        ),
+        ("~metrics.catalogue.fgd training.monitor=val/fgd_mean_term", "fgd_mean_term", "gue.fgd "),
+        ("~metrics.catalogue", "training.monitor=val/fgd: ", "keep it: leave metrics.cat"),
+        ("model=knn_cgan ~metrics.catalogue.fgd", "makes values of its own of fgd", "gue.fgd as"),
+        ("~metrics.catalogue.joint_mae", None, ""),
+        ("training.monitor=val/my_own ~metrics.catalogue.fgd", None, ""),
+        ("training.monitor=fgd ~metrics.catalogue.fgd", None, ""),
+        (
+            "~metrics.catalogue.fgd"
+            " +metrics.catalogue.mine._target_=cospeech.metrics.fgd.FrechetGestureDistance",
+            "training.monitor=val/fgd: metrics",
+            "gue.fgd as",
+        ),
+        (
+            "~metrics.catalogue.fgd training.monitor=val/mine_mean_term"
+            " +metrics.catalogue.mine._target_=cospeech.metrics.fgd.FrechetGestureDistance",
+            None,
+            "",
+        ),
+    ],
+)
+def test_a_metric_that_checkpoints_are_chosen_by_is_there(
+    typed, problem, hint, outputs, tmp_path, monkeypatch
+):
+    class Prepared(Exception):
+        pass
+
+    def prepare(self):
+        raise Prepared
+
+    monkeypatch.setattr(StoreDataModule, "prepare_store", prepare)
+    model = () if "model=" in typed else ("model=trimodal",)
+    wanted = Prepared if problem is None else ConfigError
+    with pytest.raises(wanted) as caught:
+        train(outputs.folder, *model, f"hydra.run.dir={tmp_path / 'run'}", *typed.split())
+    if problem is not None:
+        assert problem in caught.value.problem
+        assert hint in caught.value.hint

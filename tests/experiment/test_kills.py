@@ -35,7 +35,6 @@ REFINED = (
     "training.batch_size=8",
     "data.minutes=4",
     "data.speakers=2",
-    "metrics.encoder_epochs=1",
     "callbacks.render_samples.video=false",
     "callbacks.render_samples.clips=1",
     "logger=none",
@@ -169,7 +168,9 @@ def test_killed_or_stopped_in_its_final_evaluation_a_run_gains_no_epoch(tmp_path
 
 
 def test_stopped_before_its_training_a_run_says_interrupted(tmp_path):
-    process = command_line.start(tmp_path, *RUN, "metrics.encoder_epochs=500")
+    process = command_line.start(
+        tmp_path, *RUN, "metrics.encoder=trained", "metrics.encoder_epochs=500"
+    )
     try:
         wait_until(
             lambda: next(iter(tmp_path.glob("stores/*/encoders/*.lock")), None), process, "encoder"

@@ -14,9 +14,12 @@ EXPECTED = {
     "val/fgd_covariance_term",
     "val/joint_mae",
     "train/loss",
+    "test/fgd",
+    "test_recordings/fgd",
+    "test_recordings/joint_mae",
 }
 CHOSEN = {"model": "trimodal", "data": "synthetic", "ablation": "full", "experiment": None}
-RUN = ("model=trimodal", "debug=fast", "model.hidden_size=16", "model.layers=1", "test=false")
+RUN = ("model=trimodal", "debug=fast", "model.hidden_size=16", "model.layers=1")
 
 
 @pytest.fixture(scope="module")

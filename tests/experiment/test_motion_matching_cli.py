@@ -22,7 +22,6 @@ TINY = (
     "training.batch_size=8",
     "data.minutes=6",
     "data.speakers=2",
-    "metrics.encoder_epochs=1",
     "callbacks.render_samples.video=false",
     "callbacks.render_samples.clips=1",
     "callbacks.render_samples.seconds=3",

@@ -13,7 +13,14 @@ from tests.command_line import SMALL
 pytestmark = pytest.mark.slow
 
 # The adversary starts at epoch 2: the kill comes before it, the end after.
-RUN = (*SMALL, "training.epochs=4", "model.adversarial_start_epoch=2", "test=false")
+RUN = (
+    *SMALL,
+    "metrics.encoder=trained",
+    "metrics.encoder_epochs=1",
+    "training.epochs=4",
+    "model.adversarial_start_epoch=2",
+    "test=false",
+)
 
 
 @pytest.fixture(scope="module")

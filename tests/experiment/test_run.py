@@ -281,6 +281,9 @@ def test_the_adversary_joins_at_its_epoch(trimodal):
 
 def test_the_default_loggers_have_every_value(trimodal):
     names = {name for row in trimodal.record["epochs"] for name in row} - {"epoch"}
+    final = trimodal.record["final"]
+    names |= {f"test/{name}" for name in final["windows"]}
+    names |= {f"test_recordings/{name}" for name in final["recordings"]}
     with (trimodal.folder / "csv" / "version_0" / "metrics.csv").open() as file:
         assert names <= set(next(csv.reader(file)))
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -290,6 +293,8 @@ def test_the_default_loggers_have_every_value(trimodal):
     assert names <= set(events.Tags()["scalars"])
     shown = [round(event.value, 9) for event in events.Scalars("val/fgd")]
     assert shown == [round(row["val/fgd"], 9) for row in trimodal.record["epochs"]]
+    (of_recordings,) = events.Scalars("test_recordings/fgd")
+    assert of_recordings.value == pytest.approx(final["recordings"]["fgd"])
     chosen = {"model": "trimodal", "data": "synthetic", "ablation": "full", "experiment": None}
     for kind in ("tensorboard", "csv/version_0"):
         settings = yaml.safe_load((trimodal.folder / kind / "hparams.yaml").read_text())
@@ -325,6 +330,20 @@ def test_a_finished_run_is_judged_again_to_the_same_numbers(name, ready):
     assert values["encoder"] == run.record["encoder"]
     assert values["references"] == run.record["references"]
     assert values["final"] == {"split": "test", "recordings": again["recordings"]}
+
+
+def test_a_run_judged_on_another_split_has_that_splits_rows(ready):
+    run = ready.finished("knn")
+    evaluate(ready.outputs, f"run={run.folder}", "split=val")
+    values = json.loads(
+        (max((ready.outputs / "evaluations").iterdir()) / "evaluation.json").read_text()
+    )
+    assert values["final"]["split"] == "val"
+    real = np.concatenate([recorded(ready.store, span) for span in ready.store.splits["val"]])
+    reversed_in_time = numbers(ready.encoder, real[:, ::-1].copy(), real)
+    assert_row(values["references"]["time_reversed"], reversed_in_time)
+    made, _ = spoken(run.method(), ready.store, "val")
+    assert_row(values["final"]["recordings"], numbers(ready.encoder, made, real))
 
 
 def test_interrupted_and_gone_on_with_a_run_ends_as_if_it_had_not_been(trimodal, ready, tmp_path):

@@ -18,7 +18,7 @@ from cospeech.experiment.building import build
 from cospeech.experiment.context import RunInterrupted
 from cospeech.judges.motion_autoencoder import MotionAutoencoder
 from cospeech.methods.trimodal import Trimodal
-from cospeech.metrics.encoder import save_encoder
+from cospeech.metrics.encoder import packaged_encoder, save_encoder
 from cospeech.reporting.record import RunRecord, write_json
 from data_modules.base import StoreDataModule
 from tests.runs import CONF, Outputs, command
@@ -163,6 +163,19 @@ def test_a_run_whose_training_has_ended_goes_on_behind_it(
     save_encoder(MotionAutoencoder(outputs.facts).encoder("another"), outputs.encoder)
     with pytest.raises(ConfigError, match="encoder of the evaluation has changed"):
         trained(outputs, "ckpt_path=last", "training.epochs=4")
+
+
+def test_the_embedded_corpus_is_judged_by_what_ships_and_says_so(outputs, caplog):
+    with caplog.at_level(logging.INFO):
+        trained(outputs, "metrics.encoder=${data.encoder}", "test=false")
+    record, sha256 = record_of(outputs), packaged_encoder().sha256
+    assert record["encoder"] == {"sha256": sha256, "name": "packaged"}
+    assert record["config"]["metrics"]["encoder"] == "packaged"
+    assert f"judged by the encoder {sha256[:12]} (packaged)" in caplog.text
+    assert not (outputs.store / "encoders").exists()
+    # Rows are kept for the encoder that they were taken with.
+    (rows,) = (outputs.store / "references").iterdir()
+    assert rows.name.startswith(f"test-{sha256[:12]}-")
 
 
 @pytest.mark.parametrize(

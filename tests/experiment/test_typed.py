@@ -13,6 +13,14 @@ from cospeech.quoting import setting
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 TRAIN, GENERATE = Command("train", CONF), Command("generate", CONF)
+EVALUATE = Command("evaluate", CONF)
+
+
+class Loud:
+    """In the place of a user's metric."""
+
+    def __init__(self, threshold=1):
+        self.threshold = threshold
 
 
 def refused(*overrides: str, command: Command = TRAIN, multirun: bool = False) -> ConfigError:
@@ -93,7 +101,7 @@ def test_a_setting_that_no_corpus_has_is_named_without_importing_one(monkeypatch
     monkeypatch.setattr(typed, "known_arguments", lambda target: pytest.fail(f"imports {target}"))
     error = refused("model=knn", "data.bogus=1")
     assert error.problem == "data.bogus: there is no such setting"
-    assert str(error.hint).startswith("data knows: batch_size, corpus_seed, max_recordings, minu")
+    assert str(error.hint).startswith("data knows: batch_size, corpus_seed, encoder, max_record")
 
 
 def test_a_callback_may_be_added_if_it_says_what_it_is():
@@ -104,6 +112,24 @@ def test_a_callback_may_be_added_if_it_says_what_it_is():
     assert "callbacks.stop.montor: EarlyStopping has no such setting" in error.problem
     assert "nonsense" in refused("model=knn", "+callbacks.x._target_=nonsense.X").problem
     assert "callbacks.x" in refused("model=knn", "+callbacks.x=3").problem
+
+
+def test_a_metric_may_be_added_if_it_says_what_it_is():
+    target = f"{__name__}.Loud"
+    added = f"+metrics.catalogue.x._target_={target}"
+    check_typed(TRAIN, ["model=trimodal", added, "+metrics.catalogue.x.threshold=3"], False)
+    check_typed(EVALUATE, [f"+metrics.catalogue.x={{_target_: {target}}}"], False)
+    for given, problem in (
+        ([added, "+metrics.catalogue.x.treshold=3"], "no such setting; did you mean 'threshold'?"),
+        (["+metrics.catalogue.fgd.threshold=3"], "FrechetGestureDistance has no such setting"),
+        (["+metrics.catalogue.x=3"], "metrics.catalogue.x: there is no such setting"),
+        ([added[1:]], "metrics.catalogue.x: not in metrics.catalogue"),
+    ):
+        error = refused(*given, command=EVALUATE)
+        assert problem in error.problem
+    assert error.hint == f"one more is added with +: {added}"
+    # No yaml says of which type this is.
+    check_typed(EVALUATE, ["+metrics.catalogue={x: 3}"], False)
 
 
 @pytest.mark.parametrize(

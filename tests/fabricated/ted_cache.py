@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from cospeech.formats.ted.clip import TedClip
 from cospeech.formats.ted.filters import PASSED, PUBLISHED_RULES, WindowRules
 from cospeech.formats.ted.samples import TedSample
-from cospeech.formats.ted.windows import ClipWindows, audio_samples, spectrogram_columns
+from cospeech.formats.ted.windows import ClipWindows, spectrogram_columns
 from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.speech.speech import SAMPLE_RATE
 
 PUBLISHED_MEAN_DIRECTION = (
     0.0154009, -0.9690125, -0.0884354, -0.0022264, -0.8655276, 0.4342174,
@@ -49,7 +50,7 @@ def cached_samples(
             poses=poses,
             directions=direction_vectors(poses) - np.reshape(mean_direction, (9, 3)),
             audio=_mirrored(
-                clip.audio, cut.audio_start(start), audio_samples(rules.frames, rules.fps)
+                clip.audio, cut.audio_start(start), round(rules.frames / rules.fps * SAMPLE_RATE)
             ),
             spectrogram=_mirrored(
                 clip.spectrogram,

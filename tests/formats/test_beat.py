@@ -14,7 +14,7 @@ def test_a_recording(tmp_path):
     write_beat(tmp_path, ("2_scott_0_1_1",))
     (take,) = find_beat_takes(tmp_path)
     # json, txt and csv beside it are face weights, meanings and emotions
-    assert take.transcript.name == "2_scott_0_1_1.TextGrid"
+    assert take.transcripts[0].name == "2_scott_0_1_1.TextGrid"
     recording = read_take(take)
     assert (recording.id, recording.speaker, recording.split) == ("2_scott_0_1_1", "scott", "test")
     assert (recording.motion.fps, len(recording.motion)) == (120.0, 480)
@@ -36,7 +36,7 @@ def test_without_its_textgrid_nothing_else_is_taken_for_a_transcript(tmp_path):
     write_beat(tmp_path, ("2_scott_0_1_1",))
     next(tmp_path.rglob("*.TextGrid")).unlink()
     (take,) = find_beat_takes(tmp_path)
-    assert take.transcript is None
+    assert take.transcripts == ()
 
 
 @pytest.mark.parametrize(

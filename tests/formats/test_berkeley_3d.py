@@ -304,7 +304,7 @@ def with_member(path, content, name="body.npy"):
         (npy_header((2**40, 2**40, 2**40), "<f8"), "is not the 128 bytes"),
         (npy_header((2**60, 64, 165), "<f8"), "claims the shape"),
         (npy_header((-3, 64, 165), "<f8"), "claims the shape"),
-        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff" + bytes(50), "has a header of 4294967295 bytes"),
+        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff" + bytes(50), "header can't be read"),
         (b"\x93NUMPY\x01\x00\x10\x00{'descr': " + bytes(50), "header can't be read"),
         (b"\x93NUMPY\x01\x00\x00\x20" + b"(" * 8192, "header can't be read"),
         (b"\x93NUMPY\x03\x00" + bytes(50), "not a numpy array"),

@@ -8,7 +8,7 @@ import pytest
 import soundfile
 
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.formats.mocap import Take, find_takes, read_take
+from cospeech.formats.mocap import ReadingSettings, Take, find_takes, read_take
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton, write_bvh
 from cospeech.motion.joint_map import load_joint_map
 from cospeech.motion.kinematics import skeleton_positions
@@ -64,9 +64,9 @@ def test_takes_in_one_folder(tmp_path):
     put(tmp_path / "._b.bvh", "mac rubbish")
     takes = find_takes(tmp_path)
     assert [take.id for take in takes] == ["a", "b"]
-    assert takes[0] == Take("a", tmp_path.name, tmp_path / "a.bvh", tmp_path / "a.ogg")
+    assert takes[0] == Take("a", tmp_path.name, tmp_path / "a.bvh", (tmp_path / "a.ogg",))
     assert takes[1].audio == tmp_path / "b.WAV"
-    assert takes[1].transcript == tmp_path / "b.tsv"
+    assert takes[1].transcripts[0] == tmp_path / "b.tsv"
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_layouts_of_the_field(tmp_path, motion, audio, words, speaker):
     for path in (motion, audio, words):
         put(root / path)
     (take,) = find_takes(root)
-    assert take == Take("T_1", speaker, root / motion, root / audio, root / words)
+    assert take == Take("T_1", speaker, root / motion, (root / audio,), (root / words,))
 
 
 def test_equal_stems_of_two_speakers_stay_apart(tmp_path):
@@ -184,7 +184,7 @@ def take_of(tmp_path, motion_s=4.0, audio_s=4.0, words=None, fps=15.0, unit_scal
 
 
 def test_a_take_is_read_on_one_clock(tmp_path):
-    recording = read_take(take_of(tmp_path, 4.0, 4.5, TSV), licence="CC0")
+    recording = read_take(take_of(tmp_path, 4.0, 4.5, TSV), ReadingSettings(licence="CC0"))
     assert recording.id == "t"
     assert recording.speaker == tmp_path.name
     assert (len(recording.motion), recording.motion.fps) == (60, 15.0)
@@ -219,7 +219,8 @@ def test_a_second_of_difference_is_a_warning_and_a_fifth_an_error(tmp_path):
     with pytest.raises(InputFileError, match="can't be the same take") as caught:
         read_take(take_of(tmp_path, 4.0, 8.0))
     assert "at about 7.5 fps and not 15: set data.frame_rate" in str(caught.value)
-    assert len(read_take(take_of(tmp_path, 4.0, 8.0), frame_rate=7.5).motion) == 60
+    slow = ReadingSettings(frame_rate=7.5)
+    assert len(read_take(take_of(tmp_path, 4.0, 8.0), slow).motion) == 60
     with pytest.raises(InputFileError, match="can't be the same take") as caught:
         read_take(take_of(tmp_path, 8.0, 0.05))
     assert "check that both are of one take, and complete" in str(caught.value)
@@ -236,7 +237,7 @@ def test_a_transcript_of_another_take_is_a_warning(tmp_path):
 def test_a_wrong_scale_is_a_warning_that_unit_scale_mends(tmp_path):
     take = take_of(tmp_path, unit_scale=1.0)
     assert "set data.unit_scale" in read_take(take).annotations["warnings"][0]
-    assert "warnings" not in read_take(take, unit_scale=1.0).annotations
+    assert "warnings" not in read_take(take, ReadingSettings(unit_scale=1.0)).annotations
 
 
 def test_a_header_that_is_a_row_off_is_one_warning(tmp_path):
@@ -260,7 +261,7 @@ def test_a_vertical_that_is_z_is_a_warning_that_up_axis_mends(tmp_path):
         lines[i] = " ".join([x, str(-float(z)), y, "0", "90", "0", *rest])
     take.motion.write_text("\n".join(lines) + "\n")
     assert "data.up_axis=z" in read_take(take).annotations["warnings"][0]
-    recording = read_take(take, up_axis="z")
+    recording = read_take(take, ReadingSettings(up_axis="z"))
     assert "warnings" not in recording.annotations
     np.testing.assert_allclose(recording.motion.positions, upright.positions, atol=1e-5)
 
@@ -285,7 +286,8 @@ def test_an_unknown_skeleton_names_the_file_and_shows_a_map(tmp_path):
 
 
 def test_a_given_joint_map_is_used(tmp_path):
-    recording = read_take(take_of(tmp_path), joint_map=load_joint_map("mixamo"))
+    settings = ReadingSettings(joint_map=load_joint_map("mixamo"))
+    recording = read_take(take_of(tmp_path), settings)
     np.testing.assert_allclose(
         to_upper_body(recording.motion).positions[0, 2], [0, 0.4, 0.12], atol=1e-6
     )
@@ -299,7 +301,8 @@ def test_a_header_with_a_wrong_frame_count_offers_the_rate(shared, tmp_path):
     (take,) = find_takes(tmp_path)
     with pytest.raises(InputFileError, match=r"data\.frame_rate=15"):
         read_take(take)
-    assert read_take(take, frame_rate=15).motion.duration == pytest.approx(63.8)
+    mended = read_take(take, ReadingSettings(frame_rate=15))
+    assert mended.motion.duration == pytest.approx(63.8)
 
 
 def test_beat_and_zeggs_are_read(shared):

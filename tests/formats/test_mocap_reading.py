@@ -10,7 +10,15 @@ import pytest
 from cospeech.corpus.recording import Recording
 from cospeech.corpus.source import Dropped
 from cospeech.errors import ConfigError, CospeechError, InputFileError
-from cospeech.formats.mocap import Excerpt, Take, Voice, find_takes, read_take, take_sources
+from cospeech.formats.mocap import (
+    Excerpt,
+    ReadingSettings,
+    Take,
+    Voice,
+    find_takes,
+    read_take,
+    take_sources,
+)
 from cospeech.formats.mocap.takes import checked_ids
 from cospeech.motion.phases import PHASES
 from tests.fabricated.mocap import (
@@ -96,7 +104,7 @@ def test_the_other_speaker_is_on_the_same_clock_and_as_long(tmp_path):
     put_wav(tmp_path / "other" / "o.wav", bursts("o", 3.5))
     put_text(tmp_path / "other" / "o.tsv", "1.0\t1.5\tyes\n3.9\t4.4\tright\n4.1\t4.3\tafter\n")
     take = next(take for take in find_takes(tmp_path) if take.id == "t")
-    voice = Voice(tmp_path / "other" / "o.wav", tmp_path / "other" / "o.tsv")
+    voice = Voice(tmp_path / "other" / "o.wav", (tmp_path / "other" / "o.tsv",))
     recording = read_take(Take(**vars(take) | {"interlocutor": voice}))
     other = recording.interlocutor
     assert other is not None
@@ -141,7 +149,7 @@ def test_phases_beside_the_motion_become_frame_labels(tmp_path):
     put_take(tmp_path, seconds=4.0, fps=10.0)
     put_text(tmp_path / "t.phases.csv", "start,end,label\n0.5,1.0,preparation\n1.0,2.0,stroke\n")
     (take,) = find_takes(tmp_path)
-    assert take.phases == tmp_path / "t.phases.csv"
+    assert take.phase_files == (tmp_path / "t.phases.csv",)
     expected = ["none"] * 5 + ["preparation"] * 5 + ["stroke"] * 10 + ["none"] * 20
     whole = read_take(take)
     assert [PHASES[label] for label in whole.phases] == expected
@@ -165,8 +173,8 @@ def test_sources_say_what_they_read_and_travel_to_other_processes(tmp_path):
     put_take(tmp_path, "b")
     put_take(tmp_path, "mute", audio=False)
     takes = find_takes(tmp_path)
-    takes.append(Take("copy", "x", None, tmp_path / "a.wav", None, "a copy", "augmented copy"))
-    sources = take_sources(takes, licence="CC0")
+    takes.append(Take("copy", "x", None, (tmp_path / "a.wav",), (), "a copy", "augmented copy"))
+    sources = take_sources(takes, ReadingSettings(licence="CC0"))
     assert [source.id for source in sources] == ["a", "b", "mute", "copy"]
     assert [path.name for path in sources[0].files] == ["a.bvh", "a.wav", "a.tsv"]
     read = pickle.loads(pickle.dumps(sources[0].read))
@@ -183,7 +191,7 @@ def test_sources_say_what_they_read_and_travel_to_other_processes(tmp_path):
 def test_two_files_of_one_name_are_refused(tmp_path):
     put_take(tmp_path / "one")
     put_take(tmp_path / "two")
-    takes = [Take("t", "x", take.motion, None) for take in find_takes(tmp_path)]
+    takes = [Take("t", "x", take.motion) for take in find_takes(tmp_path)]
     with pytest.raises(CospeechError, match=r"two files are recording t: .*one.t\.bvh and"):
         checked_ids(takes)
 

@@ -9,7 +9,7 @@ import soundfile
 
 from cospeech.doctor import Severity, check_path
 from cospeech.errors import ConfigError, InputFileError
-from cospeech.formats.mocap import Take, Voice, find_takes, read_take, take_sources
+from cospeech.formats.mocap import ReadingSettings, Take, Voice, find_takes, read_take, take_sources
 from cospeech.motion.phases import PHASES
 from cospeech.speech import audio_streams
 from tests.formats.test_mocap_reading import put_take, words_of
@@ -103,7 +103,8 @@ def test_annotations_without_phases_cost_the_phases_and_a_tier_and_labels_mend_i
     assert recording.source == "t.bvh + t.wav"
     assert "data.phase_tier=" in remark.advice
     assert "data.phase_labels=" in remark.advice
-    (source,) = take_sources(takes, phase_tier="my tier", phase_labels={"p2": "stroke"})
+    settings = ReadingSettings(phase_tier="my tier", phase_labels={"p2": "stroke"})
+    (source,) = take_sources(takes, settings)
     (mended,) = source.read()
     assert mended.remarks == ()
     assert [PHASES[mended.phases[frame]] for frame in (0, 29, 30)] == ["stroke", "stroke", "none"]
@@ -136,9 +137,9 @@ def test_what_the_other_speaker_lacks_is_not_the_takes_loss(tmp_path):
     def read(voice):
         return read_take(Take(**vars(take) | {"interlocutor": voice}))
 
-    recording = read(Voice(tmp_path / "other.wav", broken, (good,)))
+    recording = read(Voice(tmp_path / "other.wav", (broken, good)))
     assert words_of(recording.interlocutor) == [("hello", 0.2, 0.6)]
-    recording = read(Voice(tmp_path / "other.wav", broken))
+    recording = read(Voice(tmp_path / "other.wav", (broken,)))
     assert recording.interlocutor.words is None
     assert [remark.path for remark in recording.remarks] == [broken]
     recording = read(Voice(broken))

@@ -230,7 +230,7 @@ def test_tables(tmp_path, text):
         ("0,1,stroke\nnan,2,hold\n", r"line 2: 'nan' is not a time"),
         ("begin,until,label\n0,1,hold\n", r"line 1: .*no column 'end'"),
         ("2,1,stroke\n", r"line 1: ends at 1 s, before it starts at 2 s"),
-        ("", "no annotation"),
+        ("", "is empty"),
         ("0,1,\n", "no annotation"),
         ("0,1,\xff\n", "UTF-8"),
     ],

@@ -107,8 +107,8 @@ def test_rows_that_are_not_later_are_left_out(tmp_path, caplog):
         (",Rest", ",Resting still", r"line \d+: 'Resting still' is not a phase"),
         (",Rest", "", r"line \d+: 19 columns, expected 20"),
         ("59500", "59700", r"line 2: the timestamp 59700\d\d is not minute, second, ms"),
-        ("1.7", "wide", r"line \d+: a value is not a number"),
-        ("1.7", "inf", r"line \d+: a value is not"),
+        ("1.7", "wide", r"line \d+: 'wide\d*' is not a number"),
+        ("1.7", "inf", r"line \d+: 'inf\d*' is not a number"),
     ],
 )
 def test_what_is_not_a_raw_file(tmp_path, old, new, message):

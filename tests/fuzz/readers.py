@@ -116,7 +116,8 @@ def _reference_rows(path: Path) -> None:
 
 
 def _record(path: Path) -> None:
-    from cospeech.reporting.collect import collect, group_runs
+    from cospeech.reporting.collect import collect
+    from cospeech.reporting.grouping import group_runs
     from cospeech.reporting.record import read_record
 
     read_record(path)
@@ -261,7 +262,7 @@ READERS: dict[str, Reader] = {
     "split list": Reader(
         _split_list,
         seeds.texts(a__csv="id,type\r\n1_wayne_0,train\r\n2_scott_0,test\r\n3_x,additional\r\n"),
-        ("formats.mocap.split_list", "formats.mocap.tables"),
+        ("formats.mocap.split_list", "formats.tables"),
     ),
     "trinity offsets": Reader(
         _offsets,
@@ -296,8 +297,12 @@ NO_READERS = {
     "nn.checkpoints": "opens checkpoints as a reader above does",
     "reporting.charts": "what matplotlib has just drawn",
     "doctor.reading": "opens what the readers above open",
+    "formats.genea": "opens its table as readers above do",
+    "formats.zeggs": "opens its table as readers above do",
     "formats.mocap.reading": "opens what the readers above open",
     "formats.mocap.side_files": "opens what the readers above open",
+    "metrics.encoder.packaged": "the package's own file, opened as a reader above does",
+    "studies.multi_adversary_figures.paper": "the package's own words",
     "methods.motion_matching.refinement.pair_windows": "windows of an open store",
     "methods.trimodal.style": "no file",
     "speech.reading": "opens sound and transcripts as readers above do",

@@ -11,18 +11,18 @@ from cospeech.corpus.source import Dropped, Source
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.errors import one_line
-from cospeech.metrics.gesture_statistics.findings import judge
-from cospeech.metrics.gesture_statistics.measuring import measure_systems
-from cospeech.metrics.gesture_statistics.systems import Setting, SystemMotion
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.reporting.collect import collect
 from cospeech.reporting.corpus_report import write_corpus_report
-from cospeech.reporting.gesture_figures import GestureFigures, write_gesture_figures
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.report import write_report
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word
+from cospeech.studies.multi_adversary_figures.findings import judge
+from cospeech.studies.multi_adversary_figures.measured import Setting, SystemMotion
+from cospeech.studies.multi_adversary_figures.measuring import measure_systems
+from cospeech.studies.multi_adversary_figures.page import write_page
 from tests.corpora import REST_POSE, make_recording
 from tests.reporting.records import record
 
@@ -103,8 +103,9 @@ def figures(folder, name):
         )
 
     found = measure_systems(setting, [motion("real", 0.01), motion(name, 0.02, 0)], 0, 20)
-    made = GestureFigures(name, name, setting, found, judge(found), [(name, name)], found[0].phases)
-    return write_gesture_figures(made, folder / "figures.html")
+    path, facts = folder / "figures.html", [(name, name)]
+    write_page(path, name, name, setting, found, judge(found), facts, found[0].phases)
+    return path
 
 
 PAGES = {"player": player, "report": report, "corpus": corpus, "figures": figures}

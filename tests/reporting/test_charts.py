@@ -68,11 +68,35 @@ def test_enormous_and_tiny_values_stay_inside(most):
 def test_a_single_value_is_a_dot():
     chart = line_chart([Line("a", "c1", [(4, 2.0)])], "x", "y")
     assert chart.count("<use ") == 1
-    assert drawn(chart)[0][1][-1] == [(382.0, 138.0)]
+    ((x, y),) = drawn(chart)[0][1][-1]
+    assert x == 382.0
+    assert y == pytest.approx(14 + 248 / 5, abs=0.1)  # of an axis from 0 to a fourth above it
+
+
+@pytest.mark.parametrize(("epoch", "value"), [(0, 2.0), (0, -2.0), (7, 0.0), (1e99, 1e99)])
+def test_a_single_epoch_is_marked_by_its_number_beside_zero(epoch, value):
+    chart = line_chart([Line("a", "c1", [(epoch, value)])], "epoch", "fgd")
+    below = texts(chart)[: texts(chart).index("epoch")]
+    assert below == [f"{epoch:g}"]
+    assert "0" in texts(chart)[len(below) + 1 :]
+
+
+def test_several_seeds_of_a_single_epoch_are_not_drawn_apart():
+    lines = [Line(str(y), "c1", [(0, y)]) for y in (2.0, 2.01)]
+    (low,), (high,) = (drawn(line_chart(lines, "epoch", "fgd"))[i][1][-1] for i in range(2))
+    assert 0 < low[1] - high[1] < 2
+
+
+@pytest.mark.parametrize("last", [1, 2, 3, 12, 300])
+def test_epochs_are_marked_at_whole_numbers(last):
+    chart = line_chart([Line("a", "c1", [(x, 1.0 + x) for x in range(last + 1)])], "epoch", "y")
+    below = texts(chart)[: texts(chart).index("epoch")]
+    assert len(below) >= 2
+    assert all(text.isdigit() and int(text) <= last for text in below)
 
 
 def test_an_axis_begins_at_zero_where_zero_is_near():
-    assert "0" in texts(line_chart([Line("a", "c1", [(1, 1.0), (2, 8.0)])], "x", "y"))[5:]
+    assert "0" in texts(line_chart([Line("a", "c1", [(1, 1.0), (2, 8.0)])], "x", "y"))
     assert "0" not in texts(line_chart([Line("a", "c1", [(1, 7.0), (2, 8.0)])], "x", "y"))
 
 

@@ -27,9 +27,10 @@ from cospeech.reporting.corpus_report.statistics import (
 )
 from cospeech.reporting.corpus_report.streaming import SPEED_EDGES, StreamingHistogram, evenly
 from cospeech.reporting.corpus_report.unusual import fences, measures, unusual
-from cospeech.reporting.corpus_report.windows import choose_windows
+from cospeech.reporting.corpus_report.windows import choose_windows, draw_window
 from cospeech.speech.speech import Speech, Word
 from tests.corpora import make_recording, make_store
+from tests.reporting.drawn import drawn
 
 HOSTILE = '</td><script>alert("1")</script>&'
 
@@ -359,6 +360,38 @@ def test_fragments_too_short_for_a_window_are_drawn_whole(tmp_path):
     assert page_of(store, tmp_path).count('class="window"') == 3
 
 
+def test_words_and_phases_of_a_drawn_window_stand_at_their_time(tmp_path):
+    words = (Word("a", 0.0, 1.0), Word("long", 1.0, 1.5), Word("gone", 5.0, 6.0))
+    phases = np.repeat([PHASE_INDEX["stroke"], PHASE_INDEX["hold"]], [15, 135]).astype(np.int8)
+    recordings = [
+        dataclasses.replace(make_recording(f"r{i}", words=words, seed=i), phases=phases)
+        for i in range(3)
+    ]
+    store = store_of(tmp_path, recordings)
+    found = dict(drawn(draw_window(store, Span(0, 0, 34), 100.0)))
+    sides = {
+        title: (min(x for x, _ in corners), max(x for x, _ in corners))
+        for title, (corners,) in found.items()
+    }
+    assert set(sides) == {"a: 0.00 to 1.00 s", "long: 1.00 to 1.50 s", "stroke", "hold"}
+    start, end = sides["a: 0.00 to 1.00 s"]
+    assert sides["hold"][1] - start == pytest.approx((end - start) * 34 / 15, abs=0.2)
+    assert sides["long: 1.00 to 1.50 s"] == pytest.approx((end, end + (end - start) / 2), abs=0.2)
+    assert sides["stroke"] == pytest.approx((start, end), abs=0.2)
+
+
+def test_a_joint_that_leaps_is_not_drawn_over_another_view(tmp_path):
+    recordings = [make_recording(f"r{i}", seed=i) for i in range(3)]
+    leaping = recordings[0].motion.positions.copy()
+    leaping[19, 6] += 50  # in the fifth of the eight figures
+    recordings[0] = dataclasses.replace(recordings[0], motion=Motion(UPPER_BODY, 15.0, leaping))
+    chart = draw_window(store_of(tmp_path, recordings), Span(0, 0, 34), 100.0)
+    left_arms = re.findall(r'd="([^"]*)" style="[^"]*stroke: #f0883e', chart)
+    heights = [[float(y) for y in re.findall(r"[-.\d]+ ([-.\d]+)", line)] for line in left_arms]
+    front, side = heights[: len(heights) // 2], heights[len(heights) // 2 :]
+    assert max(map(max, front)) < min(map(min, side))
+
+
 # The page -------------------------------------------------------------------------------------
 
 
@@ -413,7 +446,9 @@ def test_what_was_dropped_is_counted_by_reason(tmp_path):
     page = page_of(store_of(tmp_path, recordings, dropped), tmp_path)
     assert re.search(r"kept</td><td[^>]*>4</td><td[^>]*>50\.0 %", page)
     assert re.search(r"no words</td><td[^>]*>3</td><td[^>]*>37\.5 %", page)
-    assert re.search(r"fault: damaged</td><td[^>]*flag[^>]*>1</td><td[^>]*>12\.5 %", page)
+    assert re.search(
+        r"fault: damaged</td><td[^>]*><span class=.flag.>1</span></td><td[^>]*>12\.5 %", page
+    )
     # faults first
     assert page.index("<code>bad</code>: NaN at frame 7") < page.index("<code>clip0</code>")
 

@@ -11,7 +11,8 @@ import pytest
 from filelock import FileLock
 
 from cospeech.reporting.__main__ import main
-from cospeech.reporting.collect import collect, group_runs
+from cospeech.reporting.collect import collect
+from cospeech.reporting.grouping import group_runs
 from cospeech.reporting.report import text_report, write_report
 from cospeech.reporting.results import results_of
 from tests.reporting.records import record
@@ -70,6 +71,50 @@ def runs(tmp_path):
     record(folder, 0, final=final, references=REFERENCES, encoder=OTHER)
     record(folder, 0, final=final, references=REFERENCES, data="mocap", data_fingerprint="corpus-2")
     return folder
+
+
+def test_a_reference_is_of_the_newest_run_that_has_it(tmp_path):
+    """Of one corpus, encoder and draw of the rows, whatever the metrics of each run."""
+    titles = [{"key": key, "title": key, "better": None} for key in ("fgd", "silence", "pause")]
+
+    def run(hour, seed, values, drawn=0, **more):
+        record(
+            tmp_path,
+            seed,
+            finished=f"2026-01-01T{hour:02}:00:00+00:00",
+            references={"noise": values},
+            metrics=titles[: len(values)],
+            config={"metrics": {"reference_seed": drawn}},
+            **more,
+        )
+
+    run(1, 0, {"fgd": 1.0, "silence": 1.0, "pause": 1.0})
+    run(2, 1, {"fgd": 2.0, "silence": 2.0, "fgd_low": 1.5, "fgd_high": 2.5})
+    run(3, 2, {"fgd": 3.0})
+    run(4, 3, {"fgd": 4.0, "silence": 4.0, "pause": 4.0}, encoder=OTHER)
+    run(0, 4, {"fgd": 5.0, "silence": 5.0, "pause": 5.0}, drawn=1)
+    newest, other = sorted(
+        (r.rows[-1] for r in results_of(group_runs(collect(tmp_path).runs))),
+        key=lambda row: row["fgd"],
+    )
+    assert [newest[key] for key in ("fgd", "silence", "pause")] == [3.0, 2.0, 1.0]
+    assert newest["interval"] is None  # an older code's
+    assert [other[key] for key in ("fgd", "silence", "pause")] == [4.0, 4.0, 4.0]
+
+
+def test_a_reference_of_another_draw_is_not_taken(tmp_path):
+    titles = [{"key": key, "title": key, "better": None} for key in ("fgd", "silence")]
+    for hour, values in ((1, {"fgd": 1.0, "silence": 1.0}), (2, {"fgd": 2.0})):
+        record(
+            tmp_path,
+            hour,
+            finished=f"2026-01-01T{hour:02}:00:00+00:00",
+            references={"noise": values},
+            metrics=titles,
+            config={"metrics": {"reference_seed": hour}},
+        )
+    (results,) = results_of(group_runs(collect(tmp_path).runs))
+    assert (results.rows[-1]["fgd"], results.rows[-1]["silence"]) == (2.0, None)
 
 
 def page_of(folder):

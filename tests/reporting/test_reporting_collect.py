@@ -7,7 +7,8 @@ import pytest
 
 from cospeech.errors import CospeechError
 from cospeech.reporting.__main__ import main
-from cospeech.reporting.collect import collect, differences, group_runs
+from cospeech.reporting.collect import collect
+from cospeech.reporting.grouping import differences, group_runs
 from cospeech.reporting.report import text_report, write_report
 from tests.reporting.drawn import drawn
 from tests.reporting.records import record
@@ -32,6 +33,37 @@ def test_seeds_meet_in_one_group_and_ablations_do_not(study):
     assert summary.std == pytest.approx(7**0.5)
     assert groups[0].summary("recordings", "fgd").mean == 4.0
     assert groups[0].summary("windows", "unknown") is None
+
+
+def judged_by(**metrics):
+    """Config of a run with further metrics."""
+    standard = {"joint_mae": {"_target_": "a.JointMAE", "seed_frames": 4}}
+    named = {name: {"_target_": f"a.{name}", **more} for name, more in metrics.items()}
+    catalogue = standard | named
+    return {"config": {"metrics": {"encoder": "packaged", "catalogue": catalogue}}}
+
+
+def test_a_further_metric_sets_no_runs_apart(tmp_path):
+    record(tmp_path, 0, fgd=1.0, **judged_by())
+    record(tmp_path, 1, fgd=3.0, **judged_by(silence={}, pause={"seconds": 1}))
+    record(tmp_path, 2, fgd=5.0, **judged_by(silence={}))
+    (group,) = group_runs(collect(tmp_path).runs)
+    assert group.label == "trimodal"
+    assert group.summary("windows", "fgd").mean == 3.0
+    record(tmp_path, 0, "trimodal__no_audio", **judged_by(silence={}))
+    full, other = (group.members[0] for group in group_runs(collect(tmp_path).runs))
+    assert not any("catalogue" in key for key in differences([full, other]))
+
+
+def test_a_metric_with_other_settings_is_another_number(tmp_path):
+    record(tmp_path, 0, **judged_by())
+    record(tmp_path, 1, **judged_by(pause={"seconds": 1}))
+    record(tmp_path, 2, **judged_by(pause={"seconds": 2}))
+    groups = group_runs(collect(tmp_path).runs)
+    assert [[run.seed for run in group.runs] for group in groups] == [[0, 1], [2]]
+    record(tmp_path, 3, **judged_by(joint_mae={"seed_frames": 0}))
+    labels = [group.label for group in group_runs(collect(tmp_path).runs)]
+    assert any("metrics.catalogue.joint_mae.seed_frames=0" in label for label in labels)
 
 
 def test_damaged_and_odd_records_are_listed_not_fatal(study):

@@ -11,7 +11,6 @@ from cospeech.speech.features import (
     TRIMODAL_MEL,
     MelSpec,
     energy,
-    frame_times,
     log_mel,
     mfcc,
 )
@@ -123,11 +122,6 @@ def test_a_click_is_loudest_in_the_frame_centred_on_it(frame):
     np.testing.assert_array_equal(heard, [frame])
     inside = 256 if frame == 0 else 512
     assert loudness[frame] == pytest.approx(10 * np.log10(0.8**2 / inside), abs=1e-3)
-
-
-def test_frame_times_are_the_centres():
-    np.testing.assert_allclose(frame_times(4, 512), [0.0, 0.032, 0.064, 0.096])
-    assert frame_times(4, 512).dtype == np.float64
 
 
 @pytest.mark.parametrize("hz", [250.0, 440.0, 1000.0, 3000.0])

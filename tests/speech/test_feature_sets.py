@@ -10,7 +10,7 @@ import soxr
 
 from cospeech.speech.audio import load_audio
 from cospeech.speech.band_power import htk_bands
-from cospeech.speech.feature_sets.gesticulator import frame_times, gesticulator_log_mel
+from cospeech.speech.feature_sets.gesticulator import gesticulator_log_mel
 from cospeech.speech.feature_sets.opensmile import opensmile_features, whole_frames
 from cospeech.speech.pitch import f0
 
@@ -116,9 +116,6 @@ def test_after_ten_minutes_the_published_hop_is_5_44_frames_off_and_ours_none():
     assert ours.argmax() == 12_000
     # 1102.5 / 1102 * 12 000 = 12 005.44: between the frames 12 005 and 12 006, nearer to the first
     assert published.argmax() == 12_005
-    late_s = 600 - frame_times(12_001, published_hop=True)[12_000]
-    assert late_s * 20 == pytest.approx(5.44, abs=0.005)
-    assert frame_times(12_001)[12_000] == pytest.approx(600, abs=1e-9)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 799, 800, 801, 1102, 15_999, 16_000, 100_003])

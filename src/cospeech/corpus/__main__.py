@@ -15,7 +15,7 @@ from cospeech.terminal import exit_status, number_between, stop_at_once
 if __name__ == "__main__":
     stop_at_once()
 
-from cospeech.doctor import LAYOUTS, Settings, check_path, has_errors, text_report
+from cospeech.doctor import LAYOUTS, ReadingSettings, check_path, has_errors, text_report
 from cospeech.errors import CospeechError
 from cospeech.files import behind_links, require_replaceable, write_text
 from cospeech.motion.bvh import UP_AXES
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         checkup = check_path(
             given.path,
             layout=given.layout,
-            settings=Settings(
+            settings=ReadingSettings(
                 joint_map=joint_map,
                 frame_rate=given.frame_rate,
                 unit_scale=given.unit_scale,

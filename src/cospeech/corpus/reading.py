@@ -6,24 +6,20 @@ import logging
 import os
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
-from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from itertools import islice
+from functools import partial
 from pathlib import Path
 
 from cospeech.corpus.packing import PackedSource, pack_source
 from cospeech.corpus.source import Source
 from cospeech.errors import CospeechError
-from cospeech.processes import Processes
+from cospeech.processes import in_order
 
 logger = logging.getLogger(__name__)
 
 WORTH_A_PROCESS_BYTES = 64 << 20
 """Corpora smaller than this are read faster than a second Python starts."""
-
-AHEAD = 2
-"""Sources in work per process: what waits for its turn is held in memory."""
 
 
 def usable_cores() -> int:
@@ -68,39 +64,26 @@ def packed_sources(
     Raises:
         CospeechError: A worker process died.
     """
-    with closing(_all_packed(sources, upper_body, workers)) as every:
-        for packed in every:
-            for dropped in packed.faults:
-                if dropped.trace:
-                    logger.debug("reading %s:\n%s", dropped.id, dropped.trace)
-            yield packed
+    started: deque[str] = deque()
 
-
-def _all_packed(
-    sources: Iterable[Source], upper_body: bool, workers: int
-) -> Generator[PackedSource]:
-    if workers <= 1:
+    def noted() -> Iterator[Source]:
         for source in sources:
-            yield pack_source(source, upper_body)
-        return
-    pool = Processes(workers)
-    remaining = iter(sources)
-    waiting: deque[tuple[str, Future[PackedSource]]] = deque()
-    source_id = ""
+            started.append(source.id)
+            yield source
+
     try:
-        while True:
-            for source in islice(remaining, AHEAD * workers - len(waiting)):
-                source_id = waiting[0][0] if waiting else source.id
-                waiting.append((source.id, pool.submit(pack_source, source, upper_body)))
-            if not waiting:
-                return
-            source_id, future = waiting.popleft()
-            yield future.result()
-    except BrokenProcessPool:  # comes from submitting as well
+        with closing(
+            in_order(partial(pack_source, upper_body=upper_body), noted(), workers)
+        ) as done:
+            for packed in done:
+                started.popleft()
+                for dropped in packed.faults:
+                    if dropped.trace:
+                        logger.debug("reading %s:\n%s", dropped.id, dropped.trace)
+                yield packed
+    except BrokenProcessPool:
         raise CospeechError(
-            f"a process that was reading {source_id} or one of the next was killed, most"
+            f"a process that was reading {started[0]} or one of the next was killed, most"
             " likely for lack of memory",
             "start again with fewer: data.workers=1; what is done is kept",
         ) from None
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)

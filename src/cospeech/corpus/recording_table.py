@@ -3,25 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, overload
-
-RECORDING_FACTS = (
-    "id",
-    "speaker",
-    "skeleton",
-    "fps",
-    "frames",
-    "dimensions",
-    "split",
-    "has_words",
-    "has_audio",
-    "has_phases",
-    "has_rotations",
-    "has_interlocutor",
-    "source",
-    "licence",
-)
 
 
 @dataclass(frozen=True)
@@ -59,6 +42,10 @@ class StoredRecording:
     has_interlocutor: bool
     source: str
     licence: str
+
+
+RECORDING_FACTS = tuple(fact.name for fact in fields(StoredRecording))
+"""The columns of a manifest's recordings."""
 
 
 class RecordingTable(Sequence[StoredRecording]):

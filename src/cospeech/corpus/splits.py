@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -115,24 +115,16 @@ def split_recordings(
         raise ConfigError(f"held_out is 'recordings' or 'speakers', not {held_out!r}")
     labels = _share_counts(len(speakers), val_share, test_share, "recordings")
     wanted = [label for label in labels if label != "train"]
-    remaining: dict[str, int] = defaultdict(int)
-    for speaker in speakers:
-        remaining[speaker] += 1
+    remaining = Counter(speakers)
     result = ["train"] * len(speakers)
     order_of_choice = [int(i) for i in rng.permutation(len(speakers))]
     # Speakers with recordings to spare give first; a lone recording is taken when none is left.
     order_of_choice.sort(key=lambda i: remaining[speakers[i]] < 2)
-    for i in order_of_choice:
-        if not wanted:
-            break
-        if remaining[speakers[i]] > 1:
-            result[i] = wanted.pop()
-            remaining[speakers[i]] -= 1
-    for i in order_of_choice:
-        if not wanted:
-            break
-        if result[i] == "train":
-            result[i] = wanted.pop()
+    for fewest in (2, 0):
+        for i in order_of_choice:
+            if wanted and result[i] == "train" and remaining[speakers[i]] >= fewest:
+                result[i] = wanted.pop()
+                remaining[speakers[i]] -= 1
     return result
 
 

@@ -80,10 +80,23 @@ class WindowSpec:
 
 
 class ServesWindows(Protocol):
-    """The fixed windows of one split."""
+    """The fixed windows of one split.
 
-    spec: WindowSpec
+    Attributes:
+        store: The corpus.
+        split: ``"train"``, ``"val"`` or ``"test"``.
+        spec: Window geometry.
+        tracks: The sequences that the windows are of.
+        sequences: ``(windows,)`` the sequence of each window.
+        starts_s: ``(windows,)`` the time of its first frame in the recording, s.
+    """
+
+    store: Store
     split: str
+    spec: WindowSpec
+    tracks: Tracks
+    sequences: NDArray[np.int64]
+    starts_s: NDArray[np.float64]
 
     def __len__(self) -> int:
         """How many items there are."""

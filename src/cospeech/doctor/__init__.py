@@ -6,8 +6,8 @@ from cospeech.doctor.examination import Examination, examine, examine_closely
 from cospeech.doctor.findings import Check, Files, Finding, Severity, has_errors
 from cospeech.doctor.gate import examined_source
 from cospeech.doctor.layouts import LAYOUTS
-from cospeech.doctor.reading import Settings
 from cospeech.doctor.report import text_report
+from cospeech.formats.mocap import ReadingSettings
 
 __all__ = [
     "LAYOUTS",
@@ -16,7 +16,7 @@ __all__ = [
     "Examination",
     "Files",
     "Finding",
-    "Settings",
+    "ReadingSettings",
     "Severity",
     "check_path",
     "compare",

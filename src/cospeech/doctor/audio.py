@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,7 +64,7 @@ def level_db(waveform: NDArray[np.float32]) -> NDArray[np.float64]:
 
 def check_signal(
     waveform: NDArray[np.float32], files: Files, is_dialogue: bool = False
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """NaN, nothing but silence, and flat tops.
 
     Args:
@@ -71,36 +73,33 @@ def check_signal(
         is_dialogue: Whether the recording is one side of a dialogue, who may well say nothing.
     """
     if len(waveform) == 0:
-        return []
+        return
     finite = np.isfinite(waveform)
     if not finite.all():
-        return [
-            Finding(
-                Check.NOT_A_NUMBER,
-                Severity.ERROR,
-                files.audio,
-                f"{np.count_nonzero(~finite)} samples are NaN or infinite",
-                "export the recording again; no player can play these samples either",
-                time_s=float(np.argmin(finite)) / SAMPLE_RATE,
-            )
-        ]
+        yield Finding(
+            Check.NOT_A_NUMBER,
+            Severity.ERROR,
+            files.audio,
+            f"{np.count_nonzero(~finite)} samples are NaN or infinite",
+            "export the recording again; no player can play these samples either",
+            time_s=float(np.argmin(finite)) / SAMPLE_RATE,
+        )
+        return
     level = level_db(waveform)
     if len(level) and np.percentile(level, 99) < SILENT_DB:
-        return [
-            Finding(
-                Check.SILENT,
-                Severity.WARNING if is_dialogue else Severity.ERROR,
-                files.audio,
-                f"all of it is silent: 99 % stays below {SILENT_DB:g} dB of full scale",
-                "check that it is the right track or channel (an unused microphone?), and export"
-                " it again",
-            )
-        ]
-    clipped = _clipped(waveform, files)
-    return [] if clipped is None else [clipped]
+        yield Finding(
+            Check.SILENT,
+            Severity.WARNING if is_dialogue else Severity.ERROR,
+            files.audio,
+            f"all of it is silent: 99 % stays below {SILENT_DB:g} dB of full scale",
+            "check that it is the right track or channel (an unused microphone?), and export"
+            " it again",
+        )
+        return
+    yield from _clipped(waveform, files)
 
 
-def _clipped(waveform: NDArray[np.float32], files: Files) -> Finding | None:
+def _clipped(waveform: NDArray[np.float32], files: Files) -> Iterator[Finding]:
     first, count, level = len(waveform), 0, 0.0
     for peak, at_peak in (
         (waveform.max(), lambda peak: waveform >= peak - FLAT_STEP),
@@ -115,8 +114,8 @@ def _clipped(waveform: NDArray[np.float32], files: Files) -> Finding | None:
             level = max(level, float(abs(peak)))
     share = count / len(waveform)
     if share < CLIPPED_SHARE:
-        return None
-    return Finding(
+        return
+    yield Finding(
         Check.CLIPPED,
         Severity.ERROR if share >= BADLY_CLIPPED_SHARE else Severity.WARNING,
         files.audio,
@@ -129,7 +128,7 @@ def _clipped(waveform: NDArray[np.float32], files: Files) -> Finding | None:
 
 def check_silence(
     waveform: NDArray[np.float32], words: NDArray[np.float64], files: Files
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Stretches of silence: those that cover words, and long ones.
 
     Args:
@@ -154,33 +153,27 @@ def check_silence(
             lost.append(stretch)
         elif (start, stop) in constant or stop - start >= LONG_SILENCE_S * SAMPLE_RATE:
             idle.append(stretch)
-    findings = []
     if lost:
         spoken = sum(stretch[2] for stretch in lost)
-        findings.append(
-            Finding(
-                Check.SILENT,
-                Severity.ERROR,
-                files.audio,
-                f"silent {_where(lost)}, where the transcript has {spoken:.1f} s of words",
-                "export the audio again (was it muted or lost there?), or check that the transcript"
-                " is of this recording",
-                time_s=lost[0][0],
-            )
+        yield Finding(
+            Check.SILENT,
+            Severity.ERROR,
+            files.audio,
+            f"silent {_where(lost)}, where the transcript has {spoken:.1f} s of words",
+            "export the audio again (was it muted or lost there?), or check that the transcript"
+            " is of this recording",
+            time_s=lost[0][0],
         )
     if idle:
-        findings.append(
-            Finding(
-                Check.SILENT,
-                Severity.WARNING,
-                files.audio,
-                f"silent {_where(idle)}",
-                "listen there: if the speaker talks, export the audio again; blanked names and a"
-                " listener's silence are no fault",
-                time_s=idle[0][0],
-            )
+        yield Finding(
+            Check.SILENT,
+            Severity.WARNING,
+            files.audio,
+            f"silent {_where(idle)}",
+            "listen there: if the speaker talks, export the audio again; blanked names and a"
+            " listener's silence are no fault",
+            time_s=idle[0][0],
         )
-    return findings
 
 
 def _where(found: list[tuple[float, float, float]]) -> str:

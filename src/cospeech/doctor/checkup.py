@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +21,11 @@ from cospeech.doctor.examination import Examination
 from cospeech.doctor.findings import Check, Finding, Severity
 from cospeech.doctor.layouts import find_layout
 from cospeech.doctor.listings import check_listings
-from cospeech.doctor.reading import Read, Settings, StoredPart, read
+from cospeech.doctor.reading import Read, StoredPart, read
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.formats.mocap import Take
-from cospeech.processes import Processes
+from cospeech.formats.mocap import ReadingSettings, Take
+from cospeech.formats.mocap.takes import AS_FILES_SAY
+from cospeech.processes import in_order
 from cospeech.progress import progress_bar
 
 PART = 32
@@ -33,9 +33,6 @@ PART = 32
 
 WORTH_PROCESSES = 40
 """Items from which other processes are started: each takes seconds to import what it needs."""
-
-AHEAD = 2
-"""Items in work per process."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ def check_path(
     path: str | Path,
     *,
     layout: str | None = None,
-    settings: Settings | None = None,
+    settings: ReadingSettings = AS_FILES_SAY,
     limit: int | None = None,
     by_speakers: bool = False,
     workers: int | None = None,
@@ -95,7 +92,6 @@ def check_path(
         CospeechError: There is nothing to examine.
     """
     path = Path(path)
-    settings = settings or Settings()
     findings: list[Finding] = []
     items: Sequence[Take | Source | StoredPart]
     if (path / "manifest.json").is_file() and layout is None:
@@ -112,7 +108,7 @@ def check_path(
     else:
         kind, found, findings = _raw(path, layout)
         items = _evenly(found, limit)
-    if workers is None:
+    if workers is None or len(items) <= 1:
         workers = usable_cores() if len(items) >= WORTH_PROCESSES else 1
     reads = list(progress_bar(_all_read(items, settings, workers), len(items), f"examining {kind}"))
     examinations: list[Examination] = [e for one in reads for e in one.examinations]
@@ -137,7 +133,7 @@ def _raw(
             raise
         return "mocap", find_layout(path, "mocap").find(path), [_broken(path, error)]
     takes = [item for item in items if isinstance(item, Take)]
-    return found.name, items, check_listings(path, takes) if takes else []
+    return found.name, items, list(check_listings(path, takes)) if takes else []
 
 
 def _evenly(items: Sequence[Any], limit: int | None) -> list[Any]:
@@ -147,30 +143,15 @@ def _evenly(items: Sequence[Any], limit: int | None) -> list[Any]:
 
 
 def _all_read(
-    items: Sequence[Take | Source | StoredPart], settings: Settings, workers: int
+    items: Sequence[Take | Source | StoredPart], settings: ReadingSettings, workers: int
 ) -> Iterator[Read]:
-    task = partial(read, settings=settings)
-    if workers <= 1 or len(items) <= 1:
-        yield from map(task, items)
-        return
-    pool = Processes(workers)
-    remaining = iter(items)
-    waiting: deque[Future[Read]] = deque()
     try:
-        while True:
-            for item in islice(remaining, AHEAD * workers - len(waiting)):
-                waiting.append(pool.submit(task, item))
-            if not waiting:
-                return
-            try:
-                yield waiting.popleft().result()
-            except BrokenProcessPool:
-                raise CospeechError(
-                    "a process was killed, most likely for lack of memory",
-                    "start again with --workers 1",
-                ) from None
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        with closing(in_order(partial(read, settings=settings), items, workers)) as reads:
+            yield from reads
+    except BrokenProcessPool:
+        raise CospeechError(
+            "a process was killed, most likely for lack of memory", "start again with --workers 1"
+        ) from None
 
 
 def _broken(path: Path, error: CospeechError) -> Finding:

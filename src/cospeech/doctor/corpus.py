@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from cospeech.doctor.examination import Examination
 from cospeech.doctor.findings import Check, Finding, Severity
@@ -38,14 +38,14 @@ def compare(examinations: Sequence[Examination], by_speakers: bool = False) -> l
             own = [f for f in own if f.file != words or f.check not in EXPLAINED]
             own = [*own, owners[i]]
         findings += own
-    clock = check_clock(
-        [(trace.lengths, trace.files) for trace in traces if trace.lengths is not None]
-    )
+    lengths = [(trace.lengths, trace.files) for trace in traces if trace.lengths is not None]
+    clock = list(check_clock(lengths))
     if clock:
         findings = [finding for finding in findings if not _is_of_lengths(finding)]
     findings += clock
     findings += _without_transcript(examinations)
-    findings += check_ids(traces) + check_spans(traces) + check_content(traces)
+    for check in (check_ids, check_spans, check_content):
+        findings += check(traces)
     if by_speakers:
         findings += check_speakers(traces)
     return findings
@@ -76,20 +76,18 @@ def _find_owners(examinations: Sequence[Examination]) -> dict[int, Finding]:
     return owners
 
 
-def _without_transcript(examinations: Sequence[Examination]) -> list[Finding]:
+def _without_transcript(examinations: Sequence[Examination]) -> Iterator[Finding]:
     without = [e for e in examinations if e.traces.words is None and not _is_empty(e)]
-    if not without or len(without) > (1 - MOSTLY_TRANSCRIBED) * len(examinations):
-        return []
-    return [
-        Finding(
+    if len(without) > (1 - MOSTLY_TRANSCRIBED) * len(examinations):
+        return
+    for examination in without:
+        yield Finding(
             Check.MISSING,
             Severity.WARNING,
             examination.traces.files.audio,
             f"recording {examination.traces.id} has no transcript, most others have one",
             "add the transcript under the same name, or train without words",
         )
-        for examination in without
-    ]
 
 
 def _is_empty(examination: Examination) -> bool:

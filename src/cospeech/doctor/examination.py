@@ -129,15 +129,12 @@ def examine_closely(
 
 def _examine_speech(recording: Recording, files: Files) -> tuple[list[Finding], Doubt | None]:
     speech = recording.speech
-    findings = check_signal(speech.waveform, files, recording.interlocutor is not None)
+    is_dialogue = recording.interlocutor is not None
+    findings = list(check_signal(speech.waveform, files, is_dialogue))
     is_heard = not any(f.check in (Check.NOT_A_NUMBER, Check.SILENT) for f in findings)
     intervals = word_intervals(speech.words)
-    ends: list[Finding] = []
-    if speech.words is not None:
-        ends = check_words_end(speech.words, speech.duration, files)
-        words = check_word_rate(speech, files)
-    else:
-        words = []
+    ends = list(check_words_end(speech.words or (), speech.duration, files))
+    words = list(check_word_rate(speech, files))
     is_timed = recording.annotations.get("word_timing") != SPREAD_TIMING
     in_seconds = len(intervals) > 0 and intervals.max() < MOST_WORDS_SHARE * speech.duration
     doubt = None
@@ -155,17 +152,16 @@ def _examine_speech(recording: Recording, files: Files) -> tuple[list[Finding], 
 
 def _examine_motion(recording: Recording, files: Files) -> list[Finding]:
     motion = recording.motion
-    findings = check_finite(motion, files)
+    findings = list(check_finite(motion, files))
     if findings:
         return findings
     body = find_body(motion)
     swaps = np.zeros(0, np.int64)
     if body is not None:
-        units = check_units(body, files)
+        findings += check_units(body, files)
         if body.scale < 1e-9:
-            return units
-        findings += units
-        vertical = check_vertical(body, files)
+            return findings
+        vertical = list(check_vertical(body, files))
         findings += vertical
         swaps = find_swaps(motion, body)
         findings += check_swaps(motion, swaps, files)

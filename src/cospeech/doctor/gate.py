@@ -37,7 +37,7 @@ def _examined(
 
 
 def _judged(recording: Recording) -> Recording | Dropped:
-    findings = check_body_and_sound(recording)
+    findings = list(check_body_and_sound(recording))
     for finding in findings:
         if finding.severity is Severity.ERROR and finding.check not in TOLERATED:
             reason = f"{finding.file}: {finding.problem}\n  -> {finding.next_step}"
@@ -47,16 +47,14 @@ def _judged(recording: Recording) -> Recording | Dropped:
     return replace(recording, remarks=(*recording.remarks, *more))
 
 
-def check_body_and_sound(recording: Recording) -> list[Finding]:
+def check_body_and_sound(recording: Recording) -> Iterator[Finding]:
     """Size and vertical of the body, and whether the sound is one."""
     files = Files.all_in(recording.source or recording.id)
-    findings: list[Finding] = []
     if recording.motion.first_bad_frame() is None:
         body = find_body(recording.motion)
         if body is not None:
-            findings += check_units(body, files)
-            findings += check_vertical(body, files) if body.scale > 0 else []
+            yield from check_units(body, files)
+            yield from check_vertical(body, files) if body.scale > 0 else ()
     if not recording.annotations.get("silent"):
         is_dialogue = recording.interlocutor is not None
-        findings += check_signal(recording.speech.waveform, files, is_dialogue)
-    return findings
+        yield from check_signal(recording.speech.waveform, files, is_dialogue)

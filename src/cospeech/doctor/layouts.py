@@ -5,21 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from cospeech.corpus.source import Source
 from cospeech.errors import ConfigError, CospeechError
-from cospeech.formats.beat import find_beat_takes
+from cospeech.formats import beat, genea, trinity, zeggs
 from cospeech.formats.berkeley.extension3d import find_3d_sources, list_3d_files
 from cospeech.formats.berkeley.keypoints2d import find_2d_sources
 from cospeech.formats.berkeley.layout import FRAME_TABLES, SAMPLE_TABLE
-from cospeech.formats.genea import find_genea_takes
 from cospeech.formats.mocap import Take, find_takes
 from cospeech.formats.mocap.finding import files_named
 from cospeech.formats.ted_lmdb import DATABASES, find_ted_sources
-from cospeech.formats.trinity import find_trinity_takes
 from cospeech.formats.uci_phases import find_uci_sources
-from cospeech.formats.zeggs import find_zeggs_takes
 
 MOST_NAMES = 0.5
 """Share of the BVH files whose names must be those of a corpus."""
@@ -69,12 +67,10 @@ def find_layout(root: Path, name: str | None = None) -> Layout:
     )
 
 
-def _bvh_named(pattern: str) -> Callable[[Path], bool]:
-    regex = re.compile(pattern, re.IGNORECASE)
-
+def _bvh_named(patterns: Sequence[re.Pattern[str]]) -> Callable[[Path], bool]:
     def is_here(root: Path) -> bool:
         stems = [path.stem for path in files_named(root, r".*\.bvh")]
-        fitting = sum(regex.fullmatch(stem) is not None for stem in stems)
+        fitting = sum(any(one.fullmatch(stem) for one in patterns) for stem in stems)
         return fitting > 0 and fitting >= MOST_NAMES * len(stems)
 
     return is_here
@@ -105,26 +101,15 @@ LAYOUTS: tuple[Layout, ...] = (
         # The held-out user makes no difference to what is in the files.
         lambda root: find_uci_sources(root, "leave_user_out", "c"),
     ),
-    Layout(
-        "genea",
-        _bvh_named(r"(trn|val|tst)_20\d\d_v\d+_\d+(_main-agent|_interloctr)?"),
-        lambda root: find_genea_takes(root, missing_audio="silence"),
+    *(
+        Layout(name, _bvh_named(stems), partial(find, missing_audio="silence"))
+        for name, find, stems in (
+            ("genea", genea.find_genea_takes, (genea.NAME,)),
+            ("trinity", trinity.find_trinity_takes, trinity.NAMES),
+            ("zeggs", zeggs.find_zeggs_takes, (zeggs.NAME,)),
+            ("beat", beat.find_beat_takes, (beat.NAME,)),
+        )
     ),
-    Layout(
-        "trinity",
-        _bvh_named(r"(recording|testseq)_?\d{3}|naturaltalking_\d{3}(_2)?"),
-        lambda root: find_trinity_takes(root, missing_audio="silence"),
-    ),
-    Layout(
-        "zeggs",
-        _bvh_named(r"\d{3}_[a-z]+_\d+(_mirror)?(_[xyz]_\d+_\d+)?"),
-        lambda root: find_zeggs_takes(root, missing_audio="silence"),
-    ),
-    Layout(
-        "beat",
-        _bvh_named(r"\d{1,2}_[a-z]+_[0-7]_\d+_\d+"),
-        lambda root: find_beat_takes(root, missing_audio="silence"),
-    ),
-    Layout("mocap", _has_takes, lambda root: find_takes(root, missing_audio="silence")),
+    Layout("mocap", _has_takes, partial(find_takes, missing_audio="silence")),
 )
 """The known layouts; the first that fits is taken."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +64,7 @@ class Lengths:
         return self.motion_s - self.audio_s
 
 
-def check_lengths(lengths: Lengths, files: Files) -> list[Finding]:
+def check_lengths(lengths: Lengths, files: Files) -> Iterator[Finding]:
     """Whether audio and motion last equally long, and if not, whether a wrong rate explains it.
 
     Args:
@@ -74,7 +74,7 @@ def check_lengths(lengths: Lengths, files: Files) -> list[Finding]:
     difference = lengths.difference_s
     longer, shorter = max(lengths.motion_s, lengths.audio_s), min(lengths.motion_s, lengths.audio_s)
     if abs(difference) < DIFFERENT_S or shorter <= 0:
-        return []
+        return
     # Within a second, a short tail and a small drift look the same.
     far = abs(difference) > VERY_DIFFERENT_S or abs(difference) > VERY_DIFFERENT_SHARE * longer
     severity = Severity.ERROR if far else Severity.WARNING
@@ -82,33 +82,30 @@ def check_lengths(lengths: Lengths, files: Files) -> list[Finding]:
     says += f" {lengths.audio_s:.2f} s"
     reason = _known_ratio(lengths)
     if reason is not None:
-        return [
-            Finding(
-                Check.DRIFT,
-                severity,
-                files.motion,
-                f"{says}: a ratio of {lengths.motion_s / lengths.audio_s:.4f}, as {reason}",
-                "compare a clap or a stressed gesture near the end: if it is out of time, set the"
-                f" true rate (data.frame_rate={_true_rate(lengths):.6g}), or export the audio at"
-                " its true rate; if it is in time, the longer one just goes on",
-                time_s=shorter,
-            )
-        ]
-    return [
-        Finding(
-            Check.LENGTHS,
+        yield Finding(
+            Check.DRIFT,
             severity,
             files.motion,
-            f"{says}: {abs(difference):.2f} s of {'motion' if difference > 0 else 'audio'} are"
-            " without the other",
-            "check by a clap or the first gesture that both start at the same moment; if they do,"
-            " the end is cut off and nothing needs doing, else trim the start of the longer",
+            f"{says}: a ratio of {lengths.motion_s / lengths.audio_s:.4f}, as {reason}",
+            "compare a clap or a stressed gesture near the end: if it is out of time, set the"
+            f" true rate (data.frame_rate={_true_rate(lengths):.6g}), or export the audio at"
+            " its true rate; if it is in time, the longer one just goes on",
             time_s=shorter,
         )
-    ]
+        return
+    yield Finding(
+        Check.LENGTHS,
+        severity,
+        files.motion,
+        f"{says}: {abs(difference):.2f} s of {'motion' if difference > 0 else 'audio'} are"
+        " without the other",
+        "check by a clap or the first gesture that both start at the same moment; if they do,"
+        " the end is cut off and nothing needs doing, else trim the start of the longer",
+        time_s=shorter,
+    )
 
 
-def check_clock(recordings: Sequence[tuple[Lengths, Files]]) -> list[Finding]:
+def check_clock(recordings: Sequence[tuple[Lengths, Files]]) -> Iterator[Finding]:
     """Whether all recordings of a corpus share one ratio of lengths, so that its clock is wrong.
 
     One take that is half a second short may be cut; twenty takes that are each a thousandth short
@@ -118,30 +115,28 @@ def check_clock(recordings: Sequence[tuple[Lengths, Files]]) -> list[Finding]:
         recordings: Uncut lengths of the corpus's recordings.
     """
     if len(recordings) < SAME_CLOCK_RECORDINGS:
-        return []
+        return
     audio = np.array([lengths.audio_s for lengths, _ in recordings])
     motion = np.array([lengths.motion_s for lengths, _ in recordings])
     frame = np.array([RATIO_FRAMES / lengths.fps for lengths, _ in recordings])
     if audio.min() <= 0:
-        return []
+        return
     ratio = float((audio * motion).sum() / (audio * audio).sum())
     told_apart = np.abs(motion - audio) > 2 * frame
     if not told_apart.any() or (np.abs(motion - ratio * audio) > frame).any():
-        return []
+        return
     worst = int(np.abs(motion - audio).argmax())
     lengths, files = recordings[worst]
-    return [
-        Finding(
-            Check.DRIFT,
-            Severity.ERROR,
-            files.motion,
-            f"in all {len(recordings)} recordings the motion lasts {ratio:.5f} of the audio, to the"
-            f" frame: one of the clocks is wrong, by {abs(lengths.difference_s):.2f} s at the end"
-            " of this one",
-            f"set the true frame rate, data.frame_rate={ratio * lengths.fps:.6g}",
-            time_s=min(lengths.motion_s, lengths.audio_s),
-        )
-    ]
+    yield Finding(
+        Check.DRIFT,
+        Severity.ERROR,
+        files.motion,
+        f"in all {len(recordings)} recordings the motion lasts {ratio:.5f} of the audio, to the"
+        f" frame: one of the clocks is wrong, by {abs(lengths.difference_s):.2f} s at the end"
+        " of this one",
+        f"set the true frame rate, data.frame_rate={ratio * lengths.fps:.6g}",
+        time_s=min(lengths.motion_s, lengths.audio_s),
+    )
 
 
 def _known_ratio(lengths: Lengths) -> str | None:

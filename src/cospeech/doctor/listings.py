@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from cospeech.doctor.findings import Check, Finding, Severity
 from cospeech.errors import CospeechError
 from cospeech.formats.mocap import Take
 from cospeech.formats.mocap.finding import files_named
-from cospeech.formats.mocap.tables import MAX_TABLE_BYTES, Row, read_table
+from cospeech.formats.tables import MAX_TABLE_BYTES, Row, read_table
 
 TABLES = r".*(split|train|val|test|dev|info|list|meta).*\.(csv|txt)"
 """Names of tables that may list recordings."""
@@ -21,7 +21,7 @@ ALL_DIFFERENT = 0.9
 _MENTIONED = 5
 
 
-def check_listings(root: Path, takes: Sequence[Take]) -> list[Finding]:
+def check_listings(root: Path, takes: Sequence[Take]) -> Iterator[Finding]:
     """Names in split lists and metadata that have no files.
 
     A column is a list of recordings when its values differ and one of them at least is a recording
@@ -32,10 +32,9 @@ def check_listings(root: Path, takes: Sequence[Take]) -> list[Finding]:
         takes: Its takes.
     """
     known = {name.lower() for take in takes for name in _names(take)}
-    parts = {path for take in takes for path in (take.transcript, take.phases) if path is not None}
+    parts = {path for take in takes for path in (*take.transcripts, *take.phase_files)}
     tables = {table for take in takes for table in take.tables}
     tables |= {path for path in files_named(root, TABLES) if path not in parts}
-    findings = []
     for table in sorted(tables)[:MOST_TABLES]:
         if table.stem.lower() in known or table.stat().st_size > MAX_TABLE_BYTES:
             continue
@@ -43,11 +42,10 @@ def check_listings(root: Path, takes: Sequence[Take]) -> list[Finding]:
             rows = read_table(table)
         except CospeechError:
             continue  # not a table; those that a corpus needs are read by its own reader
-        findings += _absent(table, rows, known)
-    return findings
+        yield from _absent(table, rows, known)
 
 
-def _absent(table: Path, rows: list[Row], known: set[str]) -> list[Finding]:
+def _absent(table: Path, rows: list[Row], known: set[str]) -> Iterator[Finding]:
     width = max(len(row.fields) for row in rows)
     best: list[tuple[str, str]] = []
     most = 0
@@ -60,19 +58,17 @@ def _absent(table: Path, rows: list[Row], known: set[str]) -> list[Finding]:
             first = 0 if _key(cells[0][1]) in known or not _is_header(cells[0][1]) else 1
             best = [(place, v) for place, v in cells[first:] if v and _key(v) not in known]
     if not best:
-        return []
+        return
     names = ", ".join(value for _, value in best[:_MENTIONED])
     more = f" and {len(best) - _MENTIONED} more" if len(best) > _MENTIONED else ""
-    return [
-        Finding(
-            Check.MISSING,
-            Severity.WARNING,
-            str(table),
-            f"{len(best)} recordings that it names are not in the folder: {names}{more}, first in"
-            f" {best[0][0]}",
-            "download them, or know that the published split is not complete here",
-        )
-    ]
+    yield Finding(
+        Check.MISSING,
+        Severity.WARNING,
+        str(table),
+        f"{len(best)} recordings that it names are not in the folder: {names}{more}, first in"
+        f" {best[0][0]}",
+        "download them, or know that the published split is not complete here",
+    )
 
 
 def _names(take: Take) -> set[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,24 +32,22 @@ SHOULDERS_M = 0.36
 _MENTIONED = 5
 
 
-def check_finite(motion: Motion, files: Files) -> list[Finding]:
+def check_finite(motion: Motion, files: Files) -> Iterator[Finding]:
     """NaN or infinite coordinates."""
     bad = motion.first_bad_frame()
     if bad is None:
-        return []
+        return
     wrong = np.any(~np.isfinite(motion.positions), axis=2)
     joint = motion.skeleton.joints[int(wrong[bad].argmax())]
-    return [
-        Finding(
-            Check.NOT_A_NUMBER,
-            Severity.ERROR,
-            files.motion,
-            f"{int(wrong.any(axis=1).sum())} frames hold NaN or infinity, first frame {bad} at"
-            f" joint {joint}",
-            "fill the gap in the capture software, or cut the recording there",
-            time_s=bad / motion.fps,
-        )
-    ]
+    yield Finding(
+        Check.NOT_A_NUMBER,
+        Severity.ERROR,
+        files.motion,
+        f"{int(wrong.any(axis=1).sum())} frames hold NaN or infinity, first frame {bad} at"
+        f" joint {joint}",
+        "fill the gap in the capture software, or cut the recording there",
+        time_s=bad / motion.fps,
+    )
 
 
 def find_swaps(motion: Motion, body: Body) -> NDArray[np.int64]:
@@ -71,27 +71,25 @@ def find_swaps(motion: Motion, body: Body) -> NDArray[np.int64]:
     return np.flatnonzero((same > SWAP_M) & (crossed < SWAP_SHARE * same)) + 1
 
 
-def check_swaps(motion: Motion, swaps: NDArray[np.int64], files: Files) -> list[Finding]:
+def check_swaps(motion: Motion, swaps: NDArray[np.int64], files: Files) -> Iterator[Finding]:
     """Left and right arms that change places in the middle; see `find_swaps`."""
     if len(swaps) == 0:
-        return []
+        return
     times = ", ".join(f"{frame / motion.fps:.2f}" for frame in swaps[:_MENTIONED])
     times += f" and {len(swaps) - _MENTIONED} more times" if len(swaps) > _MENTIONED else ""
-    return [
-        Finding(
-            Check.SIDES,
-            Severity.ERROR,
-            files.motion,
-            f"the left and right arm change places between two frames, at {times} s",
-            "exchange the two arms' joints back in every other stretch between these times",
-            time_s=float(swaps[0] / motion.fps),
-        )
-    ]
+    yield Finding(
+        Check.SIDES,
+        Severity.ERROR,
+        files.motion,
+        f"the left and right arm change places between two frames, at {times} s",
+        "exchange the two arms' joints back in every other stretch between these times",
+        time_s=float(swaps[0] / motion.fps),
+    )
 
 
 def check_jumps(
     motion: Motion, body: Body | None, explained: NDArray[np.int64], files: Files
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Joints that are elsewhere in the next frame.
 
     Looked at relative to the root, so that the whole recording is not one big jump when the body
@@ -106,7 +104,7 @@ def check_jumps(
     """
     scale = _units_per_metre(motion, body)
     if len(motion) < 3 or scale is None:
-        return []
+        return
     root = motion.skeleton.parents.index(-1)
     own = motion.positions - motion.positions[:, root : root + 1]
     own[:, root] = motion.positions[:, root]
@@ -116,7 +114,6 @@ def check_jumps(
     limit[root] = FASTEST_ROOT_M_PER_S
     too_fast = speed > limit
     lonely = _lonely(speed) & ~too_fast.any(axis=1, keepdims=True)
-    findings = []
     for jumps, severity in ((too_fast, Severity.ERROR), (lonely, Severity.WARNING)):
         if not jumps.any():
             continue
@@ -126,22 +123,19 @@ def check_jumps(
         worst = int(frames[(speed * jumps)[frames].max(axis=1).argmax()])
         joint = int(jumps[worst].argmax())
         others = len(frames) - 1
-        findings.append(
-            Finding(
-                Check.JUMP,
-                severity,
-                files.motion,
-                f"{motion.skeleton.joints[joint]} jumps by"
-                f" {speed[worst, joint] / motion.fps:.2f} m in one frame"
-                f" ({speed[worst, joint]:.1f} m/s)"
-                + (f"; {others} more jumps, the first at" if others else "")
-                + (f" {(frames[0] + 1) / motion.fps:.2f} s" if others else ""),
-                "mend these frames in the capture software (a marker was lost or exchanged there),"
-                " or cut the stretch out",
-                time_s=(worst + 1) / motion.fps,
-            )
+        yield Finding(
+            Check.JUMP,
+            severity,
+            files.motion,
+            f"{motion.skeleton.joints[joint]} jumps by"
+            f" {speed[worst, joint] / motion.fps:.2f} m in one frame"
+            f" ({speed[worst, joint]:.1f} m/s)"
+            + (f"; {others} more jumps, the first at" if others else "")
+            + (f" {(frames[0] + 1) / motion.fps:.2f} s" if others else ""),
+            "mend these frames in the capture software (a marker was lost or exchanged there),"
+            " or cut the stretch out",
+            time_s=(worst + 1) / motion.fps,
         )
-    return findings
 
 
 def _units_per_metre(motion: Motion, body: Body | None) -> float | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,21 +52,20 @@ NOSE_FRAMES = 200
 """Frames that are enough for the mean place of the nose."""
 
 
-def check_units(body: Body, files: Files) -> list[Finding]:
+def check_units(body: Body, files: Files) -> Iterator[Finding]:
     """Whether the body has human size."""
     low, high = HUMAN_SCALE
     if low < body.scale < high:
-        return []
+        return
     if body.scale < 1e-9:
-        return [
-            Finding(
-                Check.UNITS,
-                Severity.ERROR,
-                files.motion,
-                "shoulders, elbows and wrists are all at one point",
-                "the joints' offsets are missing: check the header of the file",
-            )
-        ]
+        yield Finding(
+            Check.UNITS,
+            Severity.ERROR,
+            files.motion,
+            "shoulders, elbows and wrists are all at one point",
+            "the joints' offsets are missing: check the header of the file",
+        )
+        return
     errors = [abs(np.log(body.scale * factor)) for factor, _ in UNIT_FACTORS]
     best = int(np.argmin(errors))
     factor, meaning = UNIT_FACTORS[best]
@@ -78,45 +79,42 @@ def check_units(body: Body, files: Files) -> list[Finding]:
         )
     else:
         step = f"multiply data.unit_scale by {1 / body.scale:.3g}; no usual unit fits"
-    return [Finding(Check.UNITS, Severity.ERROR, files.motion, problem, step)]
+    yield Finding(Check.UNITS, Severity.ERROR, files.motion, problem, step)
 
 
-def check_vertical(body: Body, files: Files) -> list[Finding]:
+def check_vertical(body: Body, files: Files) -> Iterator[Finding]:
     """Whether +y is up."""
     up = body.points[:, HEAD] - body.points[:, SPINE]
     length = np.linalg.norm(up, axis=-1, keepdims=True)
     mean = (up / np.maximum(length, 1e-9)).mean(axis=0)
     if mean[1] >= UPRIGHT:
-        return []
+        return
     axis = int(np.abs(mean).argmax())
     name = ("+" if mean[axis] > 0 else "-") + "xyz"[axis]
     if abs(mean[axis]) < UPRIGHT:
-        return [
-            Finding(
-                Check.VERTICAL,
-                Severity.WARNING,
-                files.motion,
-                f"the head is not above the spine: on average it is towards {np.round(mean, 2)}",
-                "is the person lying or bowing? If not, turn the data so that y is up",
-            )
-        ]
+        yield Finding(
+            Check.VERTICAL,
+            Severity.WARNING,
+            files.motion,
+            f"the head is not above the spine: on average it is towards {np.round(mean, 2)}",
+            "is the person lying or bowing? If not, turn the data so that y is up",
+        )
+        return
     steps = {
         "-y": "y points down: turn the sign of y and of one more axis (keep left and right)",
         "+z": "z is up: data.up_axis=z, or export with y up, or turn by -90 degrees about x:"
         " (x, y, z) to (x, z, -y)",
     }
-    return [
-        Finding(
-            Check.VERTICAL,
-            Severity.ERROR,
-            files.motion,
-            f"the head is towards {name} of the spine, so {name} is up and not +y",
-            steps.get(name, f"turn the data so that {name} becomes +y"),
-        )
-    ]
+    yield Finding(
+        Check.VERTICAL,
+        Severity.ERROR,
+        files.motion,
+        f"the head is towards {name} of the spine, so {name} is up and not +y",
+        steps.get(name, f"turn the data so that {name} becomes +y"),
+    )
 
 
-def check_sides(body: Body, motion: Motion, files: Files) -> list[Finding]:
+def check_sides(body: Body, motion: Motion, files: Files) -> Iterator[Finding]:
     """Whether left is left, by the way the elbows bend.
 
     The names of the shoulders and the line from spine to neck say where the front is; hands bend
@@ -137,7 +135,7 @@ def check_sides(body: Body, motion: Motion, files: Files) -> list[Finding]:
     bend, bent = _elbow_bend(body.points, front)
     backward = bent > BENT and bend < BACKWARD_BEND
     if not (wrong_side or backward):
-        return []
+        return
     nose_says = _nose_says(body, motion, front)
     what = []
     if wrong_side:
@@ -149,18 +147,16 @@ def check_sides(body: Body, motion: Motion, files: Files) -> list[Finding]:
         what.append(f"the nose is {'in front' if nose_says else 'behind'}")
     # A person can hold the hands behind the back; then the nose is where it should be.
     doubtful = not wrong_side and nose_says is True
-    return [
-        Finding(
-            Check.SIDES,
-            Severity.WARNING if doubtful else Severity.ERROR,
-            files.motion,
-            "; ".join(what),
-            "are the hands behind the back? If not, left and right are exchanged"
-            if doubtful
-            else "exchange the left and right joints, or mirror one axis back: x if the picture was"
-            " mirrored, z if the system was left-handed",
-        )
-    ]
+    yield Finding(
+        Check.SIDES,
+        Severity.WARNING if doubtful else Severity.ERROR,
+        files.motion,
+        "; ".join(what),
+        "are the hands behind the back? If not, left and right are exchanged"
+        if doubtful
+        else "exchange the left and right joints, or mirror one axis back: x if the picture was"
+        " mirrored, z if the system was left-handed",
+    )
 
 
 def _nose_says(body: Body, motion: Motion, front: NDArray[np.float64]) -> bool | None:
@@ -197,7 +193,7 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
 
 
-def check_picture(motion: Motion, files: Files) -> list[Finding]:
+def check_picture(motion: Motion, files: Files) -> Iterator[Finding]:
     """Whether keypoints of a picture are upright and the left shoulder is at +x.
 
     Args:
@@ -207,29 +203,26 @@ def check_picture(motion: Motion, files: Files) -> list[Finding]:
     index = motion.skeleton.index
     names = [f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow")]
     if motion.dimensions != 2 or len(motion) == 0 or any(name not in index for name in names):
-        return []
+        return
     places = motion.positions[:, [index[name] for name in names]].astype(np.float64)
     left, left_elbow, right, right_elbow = places.mean(axis=0)
     width = float(np.linalg.norm(left - right)) or 1.0
     if (left_elbow + right_elbow - left - right)[1] / 2 > UPSIDE_DOWN * width:
-        return [
-            Finding(
-                Check.VERTICAL,
-                Severity.ERROR,
-                files.motion,
-                "the elbows are above the shoulders: y points down",
-                "turn the sign of y",
-            )
-        ]
+        yield Finding(
+            Check.VERTICAL,
+            Severity.ERROR,
+            files.motion,
+            "the elbows are above the shoulders: y points down",
+            "turn the sign of y",
+        )
+        return
     if (left - right)[0] < 0:
-        return [
-            Finding(
-                Check.SIDES,
-                Severity.ERROR,
-                files.motion,
-                "the left shoulder is at -x of the right one",
-                "exchange left and right, or turn the sign of x; a speaker with the back to the"
-                " camera looks the same",
-            )
-        ]
-    return []
+        yield Finding(
+            Check.SIDES,
+            Severity.ERROR,
+            files.motion,
+            "the left shoulder is at -x of the right one",
+            "exchange left and right, or turn the sign of x; a speaker with the back to the"
+            " camera looks the same",
+        )
+        return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -20,9 +20,9 @@ from cospeech.doctor.findings import Check, Files, Finding, Severity
 from cospeech.doctor.lengths import Lengths, check_lengths
 from cospeech.doctor.words import check_words_end
 from cospeech.errors import CospeechError, InputFileError
-from cospeech.formats.mocap import Take, read_take
-from cospeech.motion.bvh import UpAxis, read_bvh_timing
-from cospeech.motion.joint_map import JointMap
+from cospeech.formats.mocap import ReadingSettings, Take, read_take
+from cospeech.formats.mocap.side_files import first_usable
+from cospeech.motion.bvh import read_bvh_timing
 from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.audio import audio_seconds
 from cospeech.speech.speech import Speech, Word
@@ -31,27 +31,6 @@ from cospeech.speech.transcript import read_transcript_with_timing
 _log = logging.getLogger(__name__)
 _TIME = re.compile(r"\bat ([0-9.]+) s\b")
 _FRAME = re.compile(r"\bframe (\d+)\b")
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How motion is read.
-
-    Attributes:
-        joint_map: Where the evaluation joints are; None: found by the joints' names.
-        frame_rate: Frames per second of BVH rows, where the headers are wrong.
-        unit_scale: Metres per unit of BVH files; None: by the joint map.
-        up_axis: Vertical axis of BVH files.
-        phase_tier: Tier or track of the gesture phases in annotation files.
-        phase_labels: What the annotations' own labels mean: text -> phase.
-    """
-
-    joint_map: JointMap | None = None
-    frame_rate: float | None = None
-    unit_scale: float | None = None
-    up_axis: UpAxis = "y"
-    phase_tier: str | None = None
-    phase_labels: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -82,7 +61,7 @@ class Read:
     left_out: Counter[str] = field(default_factory=Counter)
 
 
-def read(item: Take | Source | StoredPart, settings: Settings) -> Read:
+def read(item: Take | Source | StoredPart, settings: ReadingSettings) -> Read:
     """Examine one item; whatever is wrong with it, expected or not, becomes a finding."""
     name = item.path if isinstance(item, StoredPart) else str(item.files[0] if item.files else item)
     try:
@@ -95,7 +74,7 @@ def read(item: Take | Source | StoredPart, settings: Settings) -> Read:
         return Read(findings=[_unreadable(name, error)])
 
 
-def read_one_take(take: Take, settings: Settings) -> Read:
+def read_one_take(take: Take, settings: ReadingSettings) -> Read:
     """Examine the files of a take, and the recording that is made of them.
 
     Readers cut audio, motion and words to one length; the lengths looked at here are those of the
@@ -104,7 +83,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
     files = _files(take, take.files)
     if take.left_out is not None:
         return Read(left_out=Counter([take.left_out]))
-    findings = _missing(take)
+    findings = list(_missing(take))
     if take.motion is None or take.problem is not None:
         if not findings:
             findings = [_unreadable(files.motion, CospeechError(take.problem or "no motion"))]
@@ -114,15 +93,7 @@ def read_one_take(take: Take, settings: Settings) -> Read:
         sound, lengths = measured
         findings += check_lengths(lengths, replace(files, audio=str(sound)))
     try:
-        recording = read_take(
-            take,
-            frame_rate=settings.frame_rate,
-            unit_scale=settings.unit_scale,
-            up_axis=settings.up_axis,
-            joint_map=settings.joint_map,
-            phase_tier=settings.phase_tier,
-            phase_labels=settings.phase_labels,
-        )
+        recording = read_take(take, settings)
     except Exception as error:
         # Lengths that can't belong together are what the reader stops at.
         if not any(finding.check in (Check.LENGTHS, Check.DRIFT) for finding in findings):
@@ -204,33 +175,28 @@ def _files(take: Take, among: Sequence[Path]) -> Files:
     )
 
 
-def _missing(take: Take) -> list[Finding]:
+def _missing(take: Take) -> Iterator[Finding]:
     if take.motion is None and take.audio is not None:
-        return [
-            Finding(
-                Check.MISSING,
-                Severity.WARNING,
-                str(take.audio),
-                take.problem or f"no motion for {take.audio.name}",
-                "add the BVH file under the same name, or take the audio away; as it is, the"
-                " recording is left out",
-            )
-        ]
+        yield Finding(
+            Check.MISSING,
+            Severity.WARNING,
+            str(take.audio),
+            take.problem or f"no motion for {take.audio.name}",
+            "add the BVH file under the same name, or take the audio away; as it is, the"
+            " recording is left out",
+        )
     if take.audio is None and take.motion is not None:
-        return [
-            Finding(
-                Check.MISSING,
-                Severity.WARNING,
-                str(take.motion),
-                take.no_audio or f"no audio for {take.motion.name}",
-                "add the audio under the same name; as it is, the recording is left out, or read"
-                " with data.missing_audio=silence",
-            )
-        ]
-    return []
+        yield Finding(
+            Check.MISSING,
+            Severity.WARNING,
+            str(take.motion),
+            take.no_audio or f"no audio for {take.motion.name}",
+            "add the audio under the same name; as it is, the recording is left out, or read"
+            " with data.missing_audio=silence",
+        )
 
 
-def _lengths(take: Take, settings: Settings) -> tuple[Path, Lengths] | None:
+def _lengths(take: Take, settings: ReadingSettings) -> tuple[Path, Lengths] | None:
     """The sound file, and lengths from where the take starts in each; None where unknown.
 
     A take that ends before its files is cut on purpose.
@@ -239,24 +205,15 @@ def _lengths(take: Take, settings: Settings) -> tuple[Path, Lengths] | None:
         return None
     try:
         frames, fps = read_bvh_timing(take.motion, settings.frame_rate)
-        motion_s = frames / fps - take.excerpt.motion_start
-        sound, sound_s = _first_length(take.sounds)
-        audio_s = sound_s - take.excerpt.audio_start
     except CospeechError:
         return None  # the reader says what is wrong
-    if motion_s <= 0 or audio_s <= 0:
-        return None
-    return sound, Lengths(motion_s, audio_s, fps)
-
-
-def _first_length(sounds: Sequence[Path]) -> tuple[Path, float]:
-    """The first sound file that can be read, and its seconds."""
-    for path in sounds[:-1]:
-        try:
-            return path, audio_seconds(path)
-        except CospeechError:
-            continue
-    return sounds[-1], audio_seconds(sounds[-1])
+    measured = first_usable(take.sounds, "sound", audio_seconds, [])
+    if measured is None:
+        return None  # likewise
+    sound, audio_s = measured
+    audio_s -= take.excerpt.audio_start
+    motion_s = frames / fps - take.excerpt.motion_start
+    return (sound, Lengths(motion_s, audio_s, fps)) if min(motion_s, audio_s) > 0 else None
 
 
 def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
@@ -275,7 +232,7 @@ def _words_of_file(take: Take, audio_s: float, files: Files) -> list[Finding]:
     if start > 0:
         words = [word for word in words if word.end > 0]
         words = [Word(word.text, max(0.0, word.start), word.end) for word in words]
-    return noted + check_words_end(words, audio_s, files)
+    return [*noted, *check_words_end(words, audio_s, files)]
 
 
 def _note(files: Files, note: str) -> Finding:

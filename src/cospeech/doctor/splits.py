@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -22,46 +22,40 @@ MOST_COMMON = 20
 HELD_OUT = ("val", "test")
 
 
-def check_ids(traces: Sequence[Traces]) -> list[Finding]:
+def check_ids(traces: Sequence[Traces]) -> Iterator[Finding]:
     """Recordings with one id."""
     by_id: dict[str, list[Traces]] = defaultdict(list)
     for trace in traces:
         by_id[trace.id].append(trace)
-    return [
-        Finding(
-            Check.DUPLICATE,
-            Severity.ERROR,
-            same[1].files.motion,
-            f"{len(same)} recordings are called {name}; another is {same[0].files.motion}",
-            "rename one, or take one of two copies of the corpus away",
-        )
-        for name, same in by_id.items()
-        if len(same) > 1
-    ]
+    for name, same in by_id.items():
+        if len(same) > 1:
+            yield Finding(
+                Check.DUPLICATE,
+                Severity.ERROR,
+                same[1].files.motion,
+                f"{len(same)} recordings are called {name}; another is {same[0].files.motion}",
+                "rename one, or take one of two copies of the corpus away",
+            )
 
 
-def check_spans(traces: Sequence[Traces]) -> list[Finding]:
+def check_spans(traces: Sequence[Traces]) -> Iterator[Finding]:
     """Parts of one recording that are in two splits and overlap in time."""
-    findings = []
     for trace in traces:
         for (one, a, b), (two, c, d) in combinations(trace.parts, 2):
             start, stop = max(a, c), min(b, d)
             if one != two and stop - start > 1e-6:
-                findings.append(
-                    Finding(
-                        Check.OVERLAP,
-                        Severity.ERROR,
-                        trace.files.motion,
-                        f"{start:.2f} to {stop:.2f} s of recording {trace.id} are in {one} and in"
-                        f" {two}",
-                        "keep the recording in one split, or cut it into blocks that don't overlap",
-                        time_s=start,
-                    )
+                yield Finding(
+                    Check.OVERLAP,
+                    Severity.ERROR,
+                    trace.files.motion,
+                    f"{start:.2f} to {stop:.2f} s of recording {trace.id} are in {one} and in"
+                    f" {two}",
+                    "keep the recording in one split, or cut it into blocks that don't overlap",
+                    time_s=start,
                 )
-    return findings
 
 
-def check_content(traces: Sequence[Traces]) -> list[Finding]:
+def check_content(traces: Sequence[Traces]) -> Iterator[Finding]:
     """The same audio or motion in two recordings.
 
     Any shared stretch is an error across splits. Within a split only whole copies are told of:
@@ -82,7 +76,6 @@ def check_content(traces: Sequence[Traces]) -> list[Finding]:
             for (i, time), (j, other) in combinations(found, 2):
                 if i != j:
                     shared[i, j][kind].append((time, other))
-    findings = []
     for (i, j), kinds in sorted(shared.items()):
         one, two = traces[i], traces[j]
         common = {
@@ -90,42 +83,37 @@ def check_content(traces: Sequence[Traces]) -> list[Finding]:
             for kind, times in kinds.items()
             if len(times) >= _enough(len(getattr(one, kind).hashes), len(getattr(two, kind).hashes))
         }
-        finding = _content_finding(one, two, common) if common else None
-        if finding is not None:
-            findings.append(finding)
-    return findings
+        if common:
+            yield from _content_findings(one, two, common)
 
 
-def check_speakers(traces: Sequence[Traces]) -> list[Finding]:
+def check_speakers(traces: Sequence[Traces]) -> Iterator[Finding]:
     """Speakers of held-out splits who also train, where the split is by speakers."""
     training = {trace.speaker for trace in traces for part in trace.parts if part[0] == "train"}
-    findings, seen = [], set()
+    seen = set()
     for trace in traces:
         for split, _, _ in trace.parts:
             known = (trace.speaker, split)
             if split in HELD_OUT and trace.speaker in training and known not in seen:
                 seen.add(known)
-                findings.append(
-                    Finding(
-                        Check.OVERLAP,
-                        Severity.ERROR,
-                        trace.files.motion,
-                        f"speaker {trace.speaker!r} is in train and, with recording {trace.id}, in"
-                        f" {split}, though the split is by speakers",
-                        "move all of a speaker's recordings into one split; is the speaker's name"
-                        " read rightly from the file names?",
-                    )
+                yield Finding(
+                    Check.OVERLAP,
+                    Severity.ERROR,
+                    trace.files.motion,
+                    f"speaker {trace.speaker!r} is in train and, with recording {trace.id}, in"
+                    f" {split}, though the split is by speakers",
+                    "move all of a speaker's recordings into one split; is the speaker's name"
+                    " read rightly from the file names?",
                 )
-    return findings
 
 
 def _enough(one: int, two: int) -> int:
     return max(2, min(SHARED_LANDMARKS, one, two))
 
 
-def _content_finding(
+def _content_findings(
     one: Traces, two: Traces, common: dict[str, NDArray[np.float64]]
-) -> Finding | None:
+) -> Iterator[Finding]:
     pairs = {
         (a, b)
         for times in common.values()
@@ -136,7 +124,7 @@ def _content_finding(
     }
     what, times = max(common.items(), key=lambda item: len(item[1]))
     if not pairs and not all(_is_copy(one, two, kind, common[kind]) for kind in common):
-        return None
+        return
     first, last = float(times[:, 0].min()), float(times[:, 0].max())
     names = [t.files.audio if what == "audio" else t.files.motion for t in (one, two)]
     same = (
@@ -144,7 +132,7 @@ def _content_finding(
         f" {two.id} (from {times[:, 1].min():.1f} s; {names[1]})"
     )
     if not pairs:
-        return Finding(
+        yield Finding(
             Check.DUPLICATE,
             Severity.WARNING,
             names[0],
@@ -152,8 +140,9 @@ def _content_finding(
             "leave one of the two out, and split so that both are on one side",
             time_s=first,
         )
+        return
     splits = ", ".join(f"{a} and {b}" for a, b in sorted(pairs))
-    return Finding(
+    yield Finding(
         Check.OVERLAP,
         Severity.ERROR,
         names[0],

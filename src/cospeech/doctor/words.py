@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -30,7 +30,7 @@ SPEAKING_RANGE_DB = 20.0
 """Speech and its pauses lie this far apart in level; a hum or noise alone does not."""
 
 
-def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list[Finding]:
+def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> Iterator[Finding]:
     """Words outside the audio.
 
     Args:
@@ -39,50 +39,43 @@ def check_words_end(words: Sequence[Word], audio_s: float, files: Files) -> list
         files: What to call them.
     """
     if not words:
-        return []
+        return
     times = word_intervals(words)
     last, first = float(times.max()), float(times.min())
     if last > 1.5 * audio_s + 60:
         for per_second, unit in TIME_UNITS:
             if 0.5 * audio_s < last / per_second < audio_s + FAR_BEYOND_S:
-                return [
-                    Finding(
-                        Check.WORD_TIMES,
-                        Severity.ERROR,
-                        files.words,
-                        f"the last word ends at {last:g}, the audio at {audio_s:.2f} s: the times"
-                        f" are {unit}",
-                        f"divide them by {per_second:g}",
-                    )
-                ]
-    findings = []
+                yield Finding(
+                    Check.WORD_TIMES,
+                    Severity.ERROR,
+                    files.words,
+                    f"the last word ends at {last:g}, the audio at {audio_s:.2f} s: the times"
+                    f" are {unit}",
+                    f"divide them by {per_second:g}",
+                )
+                return
     beyond = np.flatnonzero(times[:, 1] > audio_s + BEYOND_S)
     if len(beyond):
         severity = _severity(last - audio_s, len(beyond))
-        findings.append(
-            Finding(
-                Check.WORD_TIMES,
-                severity,
-                files.words,
-                f"{len(beyond)} words, from {words[beyond[0]].text!r} on, end after the audio"
-                f" ({audio_s:.2f} s); the last one at {last:.2f} s",
-                "check that the transcript belongs to this audio and that the audio is not cut off",
-                time_s=float(times[beyond[0], 0]),
-            )
+        yield Finding(
+            Check.WORD_TIMES,
+            severity,
+            files.words,
+            f"{len(beyond)} words, from {words[beyond[0]].text!r} on, end after the audio"
+            f" ({audio_s:.2f} s); the last one at {last:.2f} s",
+            "check that the transcript belongs to this audio and that the audio is not cut off",
+            time_s=float(times[beyond[0], 0]),
         )
     if first < -BEYOND_S:
         before = int((times[:, 0] < -BEYOND_S).sum())
-        findings.append(
-            Finding(
-                Check.WORD_TIMES,
-                _severity(-first, before),
-                files.words,
-                f"{before} words start before the audio, the first at {first:.2f} s",
-                "take the offset of the cut out of the word times",
-                time_s=first,
-            )
+        yield Finding(
+            Check.WORD_TIMES,
+            _severity(-first, before),
+            files.words,
+            f"{before} words start before the audio, the first at {first:.2f} s",
+            "take the offset of the cut out of the word times",
+            time_s=first,
         )
-    return findings
 
 
 def _severity(over_s: float, words: int) -> Severity:
@@ -92,7 +85,7 @@ def _severity(over_s: float, words: int) -> Severity:
     return Severity.WARNING if words > 1 else Severity.NOTE
 
 
-def check_word_rate(speech: Speech, files: Files) -> list[Finding]:
+def check_word_rate(speech: Speech, files: Files) -> Iterator[Finding]:
     """Words that are missing, out of order, too many, or too long.
 
     Args:
@@ -100,24 +93,22 @@ def check_word_rate(speech: Speech, files: Files) -> list[Finding]:
         files: What to call them.
     """
     if speech.words is None:
-        return []
+        return
     if not speech.words:
-        return _no_words(speech, files)
+        yield from _no_words(speech, files)
+        return
     times = word_intervals(speech.words)
-    findings = []
     backward = np.flatnonzero(times[:, 1] < times[:, 0])
     unordered = np.flatnonzero(np.diff(times[:, 0]) < 0) + 1
     for wrong, what in ((backward, "end before they start"), (unordered, "are out of order")):
         if len(wrong):
-            findings.append(
-                Finding(
-                    Check.WORD_TIMES,
-                    Severity.ERROR,
-                    files.words,
-                    f"{len(wrong)} words {what}, first {speech.words[wrong[0]].text!r}",
-                    "repair or re-align the transcript",
-                    time_s=float(times[wrong[0], 0]),
-                )
+            yield Finding(
+                Check.WORD_TIMES,
+                Severity.ERROR,
+                files.words,
+                f"{len(wrong)} words {what}, first {speech.words[wrong[0]].text!r}",
+                "repair or re-align the transcript",
+                time_s=float(times[wrong[0], 0]),
             )
     # Measured from each word to the one that a fast talker would reach in the window.
     starts = np.sort(times[:, 0])
@@ -127,43 +118,36 @@ def check_word_rate(speech: Speech, files: Files) -> list[Finding]:
         fastest = int(spans.argmin())
         rate = count / max(float(spans[fastest]), 1e-3)
         if rate > FAST_WORDS_PER_S:
-            findings.append(
-                Finding(
-                    Check.WORD_TIMES,
-                    Severity.ERROR if rate > IMPOSSIBLE_WORDS_PER_S else Severity.WARNING,
-                    files.words,
-                    f"{count} words within {spans[fastest]:.2f} s: {rate:.1f} words per second",
-                    "check the unit and the scale of the word times, or re-align the transcript",
-                    time_s=float(starts[fastest]),
-                )
+            yield Finding(
+                Check.WORD_TIMES,
+                Severity.ERROR if rate > IMPOSSIBLE_WORDS_PER_S else Severity.WARNING,
+                files.words,
+                f"{count} words within {spans[fastest]:.2f} s: {rate:.1f} words per second",
+                "check the unit and the scale of the word times, or re-align the transcript",
+                time_s=float(starts[fastest]),
             )
     long = np.flatnonzero(times[:, 1] - times[:, 0] > LONGEST_WORD_S)
     if len(long):
-        findings.append(
-            Finding(
-                Check.WORD_TIMES,
-                Severity.WARNING,
-                files.words,
-                f"{len(long)} words last over {LONGEST_WORD_S:g} s, first"
-                f" {speech.words[long[0]].text!r}",
-                "the aligner lost its place there: re-align, or leave the stretch out",
-                time_s=float(times[long[0], 0]),
-            )
+        yield Finding(
+            Check.WORD_TIMES,
+            Severity.WARNING,
+            files.words,
+            f"{len(long)} words last over {LONGEST_WORD_S:g} s, first"
+            f" {speech.words[long[0]].text!r}",
+            "the aligner lost its place there: re-align, or leave the stretch out",
+            time_s=float(times[long[0], 0]),
         )
-    return findings
 
 
-def _no_words(speech: Speech, files: Files) -> list[Finding]:
+def _no_words(speech: Speech, files: Files) -> Iterator[Finding]:
     level = level_db(speech.waveform)
     speaks = len(level) >= LEVEL_HZ and np.percentile(level, 95) > max(
         SILENT_DB, np.percentile(level, 5) + SPEAKING_RANGE_DB
     )
-    return [
-        Finding(
-            Check.WORD_TIMES,
-            Severity.WARNING,
-            files.words,
-            "the transcript is empty" + (", but somebody speaks" if speaks else ""),
-            "transcribe the audio again; with no transcript at all the audio is used alone",
-        )
-    ]
+    yield Finding(
+        Check.WORD_TIMES,
+        Severity.WARNING,
+        files.words,
+        "the transcript is empty" + (", but somebody speaks" if speaks else ""),
+        "transcribe the audio again; with no transcript at all the audio is used alone",
+    )

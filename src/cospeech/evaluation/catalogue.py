@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import copy
-import hashlib
-import inspect
-import json
-import sys
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from typing import Any, Literal
+import logging
+import traceback
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from cospeech.errors import ConfigError, CospeechError
-from cospeech.evaluation.intervals import EXTRAPOLATED, interval_of
+from cospeech.errors import CospeechError
+from cospeech.evaluation.declarations import RESERVED, refuse_undeclared
+from cospeech.evaluation.digest import digest_of
+from cospeech.evaluation.intervals import EXTRAPOLATED, INTERVAL_OF, interval_of
 from cospeech.metrics.acceleration_error import AccelerationError
 from cospeech.metrics.evaluation_windows import EvaluationWindows
 from cospeech.metrics.feature_distance import FeatureDistance
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.joint_mae import JointMAE
 from cospeech.metrics.kernel_distance import KernelDistance
-from cospeech.metrics.window_metric import WindowMetric
+from cospeech.metrics.window_metric import VALUE, Comparison, WindowMetric
 
-Comparison = Literal["pairs", "sets"]
+logger = logging.getLogger(__name__)
 
 
 class Catalogue:
@@ -33,17 +35,17 @@ class Catalogue:
         metrics: Name -> metric, as ``conf/metrics`` names them; they are copied for every use.
 
     Raises:
-        ConfigError: Something in it is no `WindowMetric`.
+        ConfigError: See `refuse_undeclared`.
     """
 
     def __init__(self, metrics: Mapping[str, WindowMetric]) -> None:
-        for name, metric in metrics.items():
-            if not isinstance(metric, WindowMetric):
-                raise ConfigError(
-                    f"metrics.catalogue.{name} is a {type(metric).__name__}, no metric of windows",
-                    "derive its class from cospeech.metrics.window_metric.WindowMetric",
-                )
+        refuse_undeclared(metrics)
         self._metrics = dict(metrics)
+
+    @property
+    def metrics(self) -> Mapping[str, WindowMetric]:
+        """Name -> metric, to be looked at."""
+        return self._metrics
 
     @property
     def needs(self) -> frozenset[str]:
@@ -59,24 +61,27 @@ class Catalogue:
         """Name, heading and better direction of every column, in order, for a record."""
         columns = list[dict[str, str | None]]()
         for name, metric in self._metrics.items():
-            title = f"{metric.title}, {metric.unit}" if metric.unit else metric.title
             better = {True: "higher", False: "lower", None: None}[metric.higher_is_better]
-            columns.append({"key": name, "title": title, "better": better})
-            if isinstance(metric, FrechetGestureDistance):
+            titles = {name: metric.title}
+            titles |= {f"{name}_{part}": title for part, title in metric.parts.items()}
+            for key, title in titles.items():
+                told = f"{title}, {metric.unit}" if metric.unit else title
+                columns.append({"key": key, "title": told, "better": better})
+            if name == INTERVAL_OF and self._has_interval:
                 columns.append(dict(EXTRAPOLATED))
         return columns
 
     @property
-    def digest(self) -> str:
-        """Changes with the metrics, their settings and the files that define them."""
-        said = [
-            [name, type(metric).__qualname__, _source(type(metric)), _settings(metric)]
-            for name, metric in self._metrics.items()
-        ]
-        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+    def _has_interval(self) -> bool:
+        return isinstance(self._metrics.get(INTERVAL_OF), FrechetGestureDistance)
 
-    def fresh(self, without: Comparison | None = None) -> dict[str, WindowMetric]:
-        """Empty copies of the metrics.
+    @cached_property
+    def digest(self) -> str:
+        """Changes with the metrics, their settings and the code that defines them."""
+        return digest_of(self._metrics)
+
+    def fresh(self, without: Comparison | None = None) -> Measurement:
+        """The metrics with nothing added yet.
 
         Args:
             without: Those that compare so are left out; without ``"pairs"``, the windows of both
@@ -89,7 +94,7 @@ class Catalogue:
         }
         for metric in copies.values():
             metric.are_pairs = without != "pairs"
-        return copies
+        return Measurement(copies)
 
     def row(
         self,
@@ -115,7 +120,7 @@ class Catalogue:
             ``fgd_low``, ``fgd_high`` (95 %), ``fgd_extrapolated`` and ``recordings``.
         """
         row = self.row_of_batches([generated], real, without)
-        if any(isinstance(m, FrechetGestureDistance) for m in self._metrics.values()):
+        if self._has_interval:
             row |= interval_of(generated.features, real.features, recording_ids, seed)
         return row
 
@@ -135,13 +140,10 @@ class Catalogue:
         Raises:
             CospeechError: Fewer than two windows on a side.
         """
-        metrics, count, side = self.fresh(without), 0, real
-        for metric in metrics.values():
-            # A row is one process's own work; of a distributed run the others may have gone.
-            metric.distributed_available_fn = _by_itself
+        measurement, count, side = self.fresh(without), 0, real
+        measurement.stay_alone()
         for batch in generated:
-            for metric in metrics.values():
-                metric.update(batch, side)
+            measurement.update(batch, side)
             count, side = count + len(batch), real[torch.zeros(len(real), dtype=torch.bool)]
         if min(count, len(real)) < 2:
             raise CospeechError(
@@ -149,8 +151,63 @@ class Catalogue:
                 " two or more on each side",
                 "add recordings, or longer ones",
             )
-        values = {name: float(value) for name, value in values_of(metrics).items()}
+        values = {name: float(value) for name, value in measurement.compute().items()}
         return {**values, "windows": float(count), "windows_real": float(len(real))}
+
+
+class Measurement:
+    """Metrics that windows are added to.
+
+    Args:
+        metrics: Name -> metric, of this measurement alone.
+    """
+
+    def __init__(self, metrics: Mapping[str, WindowMetric]) -> None:
+        self._metrics = metrics
+
+    def to(self, device: torch.device) -> Measurement:
+        """The same on another device."""
+        return Measurement({name: metric.to(device) for name, metric in self._metrics.items()})
+
+    def stay_alone(self) -> None:
+        """Ask no other process, of a distributed run, for what it has added."""
+        for metric in self._metrics.values():
+            metric.distributed_available_fn = _by_itself
+
+    def update(self, generated: EvaluationWindows, real: EvaluationWindows) -> None:
+        """Add windows of both sides.
+
+        Raises:
+            CospeechError: A metric fails; it is named.
+        """
+        for name, metric in self._metrics.items():
+            with _named(name, metric):
+                metric.update(generated, real)
+
+    def compute(self) -> dict[str, Tensor]:
+        """What the metrics have computed, by name; of several values ``NAME_PART``.
+
+        Raises:
+            CospeechError: A metric fails, gives no number, or one that another gives; it is named.
+        """
+        values = dict[str, Tensor]()
+        for name, metric in self._metrics.items():
+            with _named(name, metric):
+                computed: Any = metric.compute()
+                parts = computed if isinstance(computed, Mapping) else {VALUE: computed}
+                for part, value in parts.items():
+                    key = name if part == VALUE else f"{name}_{part}"
+                    number = torch.as_tensor(value)
+                    if number.numel() != 1:
+                        raise ValueError(f"{key} has the shape {tuple(number.shape)}")
+                    if key in values or key in RESERVED:
+                        raise ValueError(f"{key} is another value's name")
+                    if not number.isfinite().all():
+                        logger.warning(
+                            "the metric %s is %s: tables leave it out", key, number.item()
+                        )
+                    values[key] = number.reshape(())
+        return values
 
 
 def standard_catalogue() -> Catalogue:
@@ -166,30 +223,21 @@ def standard_catalogue() -> Catalogue:
     )
 
 
-def values_of(metrics: Mapping[str, WindowMetric]) -> dict[str, Tensor]:
-    """What metrics have computed, by name; of one that gives several values, by theirs."""
-    values = dict[str, Tensor]()
-    for name, metric in metrics.items():
-        value = metric.compute()
-        values |= value if isinstance(value, dict) else {name: value}
-    return values
-
-
 def _by_itself() -> bool:
     return False
 
 
-def _source(kind: type) -> str:
+@contextmanager
+def _named(name: str, metric: WindowMetric) -> Iterator[None]:
     try:
-        text = inspect.getsource(sys.modules[kind.__module__])
-    except (OSError, TypeError):  # typed into an interpreter
-        text = kind.__module__
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _settings(metric: WindowMetric) -> dict[str, Any]:
-    return {
-        name: value
-        for name, value in sorted(vars(metric).items())
-        if isinstance(value, (bool, int, float, str)) and not name.startswith("_")
-    }
+        yield
+    except CospeechError:
+        raise
+    except Exception as error:
+        reason = str(error).strip().split("\n", 1)[0] or type(error).__name__
+        (*_, last) = traceback.extract_tb(error.__traceback__)
+        raise CospeechError(
+            f"the metric {name} ({type(metric).__name__}) fails in {last.filename}, line"
+            f" {last.lineno}: {reason}",
+            f"mend it, or do without: ~metrics.catalogue.{name}",
+        ) from error

@@ -2,21 +2,60 @@
 
 from __future__ import annotations
 
-from typing import assert_never
+from collections.abc import Mapping
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from cospeech.corpus.batch import GestureBatch
-from cospeech.corpus.features import FIELDS
-from cospeech.corpus.features.field import SpeechField
-from cospeech.corpus.windows import WindowSpec
+from cospeech.corpus.features.positions import evaluation_frames
+from cospeech.corpus.windows import ServesWindows, WindowDataset
 from cospeech.errors import CospeechError
-from cospeech.evaluation.catalogue import Catalogue, values_of
+from cospeech.evaluation.catalogue import Catalogue
+from cospeech.evaluation.real_windows import evaluation_windows
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.evaluation_windows import EvaluationWindows, cut_windows
 from cospeech.motion.upper_body import EVALUATION_FPS, EVALUATION_FRAMES, EVALUATION_STRIDE
-from cospeech.speech.speech import SAMPLE_RATE
+
+
+class EvaluationFields:
+    """What metrics read of the windows of the evaluation that a method's windows are cut into.
+
+    They are read from the corpus at the evaluation's own frames, as for a recording: a method's
+    frames at another rate don't say when in a frame a word begins, nor hold two words of one.
+
+    Args:
+        windows: The method's windows; of one that begins between two of the evaluation's frames,
+            the nearer one is taken.
+        needs: Fields of the corpus.
+    """
+
+    def __init__(self, windows: ServesWindows, needs: frozenset[str]) -> None:
+        self._served: WindowDataset | None = None
+        frames = evaluation_frames(windows.spec.frames, windows.spec.fps)
+        firsts = np.arange(0, frames - EVALUATION_FRAMES + 1, EVALUATION_STRIDE)
+        self._per_window = len(firsts)
+        if not needs or not len(firsts):
+            return
+        tracks = windows.tracks
+        starts = np.rint(windows.starts_s * EVALUATION_FPS).astype(np.int64)
+        within = starts - tracks.starts[windows.sequences]
+        spans = tracks.span_of[windows.sequences].repeat(self._per_window)
+        places = np.stack([spans, (within[:, None] + firsts).reshape(-1)], axis=1)
+        self._served = evaluation_windows(windows.store, windows.split, tracks.spans, places, needs)
+
+    def of(self, window_ids: Tensor) -> Mapping[str, Tensor]:
+        """Fields of some of the method's windows, as `EvaluationWindows.fields` describes them.
+
+        Args:
+            window_ids: ``(B,)`` of a batch.
+        """
+        if self._served is None:
+            return {}
+        cut = window_ids.cpu()[:, None] * self._per_window + torch.arange(self._per_window)
+        batch = self._served.batch(cut.flatten().numpy())
+        return batch.to(window_ids.device).fields
 
 
 class EpochEvaluation:
@@ -25,7 +64,7 @@ class EpochEvaluation:
     Args:
         catalogue: The metrics.
         encoder: The evaluation space.
-        window: The method's windows.
+        fields: What was said in the method's windows.
         device: Where they are.
     """
 
@@ -33,12 +72,12 @@ class EpochEvaluation:
         self,
         catalogue: Catalogue,
         encoder: GestureEncoder,
-        window: WindowSpec,
+        fields: EvaluationFields,
         device: torch.device,
     ) -> None:
-        self._metrics = {name: m.to(device) for name, m in catalogue.fresh().items()}
+        self._measurement = catalogue.fresh().to(device)
         self._encoder = encoder.to(device)
-        self._window, self._needs = window, catalogue.needs
+        self._fields = fields
 
     @torch.no_grad()
     def update(self, positions: Tensor, batch: GestureBatch) -> None:
@@ -46,7 +85,7 @@ class EpochEvaluation:
 
         Args:
             positions: ``(B, E, 10, 3)`` what the method makes of it, at the evaluation rate.
-            batch: The batch, with ``positions`` and what the metrics read.
+            batch: The batch, with ``positions``.
 
         Raises:
             CospeechError: A position is NaN or infinite, or there are others than in the batch.
@@ -65,53 +104,12 @@ class EpochEvaluation:
                 "the method generates NaN or infinite positions: its weights are damaged",
                 "look at the losses of the last epochs; the last checkpoint may still be good",
             )
-        per_item = len(cut) // max(1, len(recorded))
-        fields = {
-            name: cut_field(name, batch.require(name), self._window, per_item)
-            for name in self._needs
-        }
         real = cut_windows(recorded)
-        of_real = EvaluationWindows(real, self._encoder.encode_positions(real), fields)
+        said = self._fields.of(batch.window_ids)
+        of_real = EvaluationWindows(real, self._encoder.encode_positions(real), said)
         made = of_real.moving(cut, self._encoder.encode_positions(cut))
-        for metric in self._metrics.values():
-            metric.update(made, of_real)
+        self._measurement.update(made, of_real)
 
     def compute(self) -> dict[str, Tensor]:
         """The metrics' values by name, over all processes."""
-        return values_of(self._metrics)
-
-
-def cut_field(name: str, values: Tensor, window: WindowSpec, per_item: int) -> Tensor:
-    """A batch's field over the windows of the evaluation.
-
-    Args:
-        name: Of the field.
-        values: ``(B, ...)`` as the method's batch has it.
-        window: The method's windows.
-        per_item: How many windows of the evaluation are in each.
-
-    Returns:
-        ``(B per_item, ...)``, as `EvaluationWindows.fields` describes it; sound that a last window
-        lacks is silence.
-    """
-    field = FIELDS[name]
-    firsts = EVALUATION_STRIDE * torch.arange(per_item, device=values.device)
-    match field.axis:
-        case "evaluation frames":
-            return cut_windows(values)
-        case "none":
-            return values.repeat_interleave(per_item, dim=0)
-        case "samples":
-            length = round(EVALUATION_FRAMES / EVALUATION_FPS * SAMPLE_RATE)
-            starts = (firsts / EVALUATION_FPS * SAMPLE_RATE).round().long()
-            at = starts[:, None] + torch.arange(length, device=values.device)
-            lacking = max(0, int(at.max()) + 1 - values.shape[1])
-            values = torch.nn.functional.pad(values, (0, lacking))
-        case "method frames":
-            frames = firsts[:, None] + torch.arange(EVALUATION_FRAMES, device=values.device)
-            at = (frames / EVALUATION_FPS * window.fps).round().long()
-            at = at.clamp(max=window.frames - 1)
-            at = at + (window.past if isinstance(field, SpeechField) else 0)
-        case _:
-            assert_never(field.axis)
-    return values[:, at].flatten(0, 1)
+        return self._measurement.compute()

@@ -9,6 +9,9 @@ from torch import Tensor
 from cospeech.metrics.moments import recording_moments
 from cospeech.metrics.uncertainty import fgd_interval
 
+INTERVAL_OF = "fgd"
+"""The metric that has an interval over recordings."""
+
 EXTRAPOLATED = {"key": "fgd_extrapolated", "title": "FGD at n → ∞", "better": "lower"}
 """The column that the interval adds to a table."""
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from cospeech.corpus.features import fields_of
@@ -91,16 +92,34 @@ def encoded_windows(
     features = encoder.encode_all(positions)
     if not needs:
         return EvaluationWindows(positions, features)
-    of_frames = [field for field in fields_of(needs) if isinstance(field, FrameField)]
-    tracks = Tracks(store, list(spans), EVALUATION_FPS, of_frames, False, f"{split} windows")
     places = [
         (sequence, first)
         for sequence, span in enumerate(spans)
         for first in range(0, span.stop - span.start - EVALUATION_FRAMES + 1, EVALUATION_STRIDE)
     ]
-    served = WindowDataset(store, split, WINDOW, needs, tracks, np.array(places))
-    fields = served.batch(range(len(served))).fields
-    return EvaluationWindows(positions, features, fields)
+    served = evaluation_windows(store, split, spans, np.array(places), needs)
+    return EvaluationWindows(positions, features, served.batch(range(len(served))).fields)
+
+
+def evaluation_windows(
+    store: Store,
+    split: str,
+    spans: Sequence[Span],
+    places: NDArray[np.int64],
+    needs: frozenset[str],
+) -> WindowDataset:
+    """Windows of the evaluation at any places, with the fields that metrics read.
+
+    Args:
+        store: The corpus.
+        split: The split that the spans are of.
+        spans: Which stretches.
+        places: ``(n, 2)`` span and first frame in it, at the evaluation rate, of each window.
+        needs: Fields of the corpus.
+    """
+    of_frames = [field for field in fields_of(needs) if isinstance(field, FrameField)]
+    tracks = Tracks(store, list(spans), EVALUATION_FPS, of_frames, False, f"{split} windows")
+    return WindowDataset(store, split, WINDOW, needs, tracks, places)
 
 
 def with_fields(

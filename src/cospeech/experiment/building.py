@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,19 @@ from cospeech.nn.weights_file import read_checkpoint
 def build(node: Any, **arguments: Any) -> Any:
     """Hydra's `instantiate`, but a `CospeechError` of the constructor comes out as it is.
 
+    Args:
+        node: A config with a ``_target_``.
+        arguments: Further arguments, given to the constructor as they are. Hydra would make a
+            config of a mapping, where ``${`` in a word of a corpus is a reference.
+
     Raises:
         ConfigError: A key without a default (``data.root``) was not given.
+        InstantiationException: Anything else that the constructor raises.
     """
     try:
-        return instantiate(node, _convert_="all", **arguments)
+        if not arguments:
+            return instantiate(node, _convert_="all")
+        return _called(instantiate(node, _convert_="all", _partial_=True), node, arguments)
     except InstantiationException as error:
         if isinstance(error.__cause__, CospeechError):
             raise error.__cause__ from None
@@ -34,6 +43,17 @@ def build(node: Any, **arguments: Any) -> Any:
     except MissingMandatoryValue as error:
         key = str(error.full_key)
         raise ConfigError(f"{key} is not set", f"add {key}=...") from None
+
+
+def _called(callee: Any, node: Any, arguments: Mapping[str, Any]) -> Any:
+    """A call whose exceptions are those of Hydra's own calls."""
+    try:
+        return callee(**arguments)
+    except Exception as error:
+        key = node._get_full_key(None) if isinstance(node, DictConfig) else ""
+        raise InstantiationException(
+            f"Error in call to target {node['_target_']!r}:\n{error!r}\nfull_key: {key}"
+        ) from error
 
 
 def chosen_encoder(store: Store, metrics: DictConfig) -> GestureEncoder:

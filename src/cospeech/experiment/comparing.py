@@ -16,7 +16,7 @@ from cospeech.experiment.own_or_given import corpus_of, encoder_of
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
 from cospeech.methods.capabilities import HasSchedule, HoldsPhaseClassifier, MakesJoints
 from cospeech.reporting.collect import collect
-from cospeech.studies.gestures.systems import TrainedSystem
+from cospeech.studies.multi_adversary_figures import TrainedSystem
 
 logger = logging.getLogger(__name__)
 

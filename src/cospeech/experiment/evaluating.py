@@ -12,10 +12,10 @@ from cospeech.corpus.splits import SPLITS
 from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError
 from cospeech.evaluation import evaluate_recordings, reference_rows
-from cospeech.experiment.building import build, chosen_catalogue, chosen_encoder
+from cospeech.experiment.building import build, chosen_encoder
 from cospeech.experiment.comparing import compare_runs
 from cospeech.experiment.finished_run import FinishedRun, open_run
-from cospeech.experiment.own_or_given import corpus_of, encoder_of
+from cospeech.experiment.own_or_given import catalogue_of, corpus_of, encoder_of
 from cospeech.methods.base import GestureMethod
 from cospeech.reporting.record import write_json
 from cospeech.reporting.tables import result_table
@@ -45,7 +45,7 @@ def evaluate(cfg: DictConfig) -> Any:
         return _study(cfg, folder)
     run, store, model = _finished(cfg)
     encoder, metrics = encoder_of(run, cfg, store)
-    catalogue = chosen_catalogue(cfg.metrics)
+    catalogue = catalogue_of(run, cfg)
     values: dict[str, Any] = {
         "id": run.id,
         "model": run.model,

@@ -43,13 +43,15 @@ NO_CORPUS = "/dev/null/no prepared corpus"
 
 _ANOTHER_RUN = "give the folder of a finished run, e.g. outputs/runs/ID"
 _NEEDED = ("id", "status", "model", "data", "ablation", "seed", "config")
-_METRICS: dict[str, Any] = {
+JUDGING: dict[str, Any] = {
     "encoder": str,
     "encoder_epochs": int,
     "encoder_seed": int,
     "reference_seed": int,
 }
-_NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers")
+"""The settings of ``metrics`` that say how is judged, and the type of each."""
+
+_NOT_OF_THE_CORPUS = ("store_dir", "batch_size", "seed", "workers", "encoder")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,7 @@ class FinishedRun:
         fingerprint: Of the corpus; None where the run stopped before it knew.
         method: The method's class.
         metrics: How it was judged, as in ``conf/metrics``; without what the record lacks.
+        columns: Names of the metrics that it was judged by, lines of text each.
         experiment: Name of the experiment's yaml, if any.
         config: The record's settings of ``model``, ``data``, ``metrics`` and ``training``, as
             plain values.
@@ -83,6 +86,7 @@ class FinishedRun:
     fingerprint: str | None
     method: type[LightningModule]
     metrics: dict[str, Any]
+    columns: tuple[str, ...]
     experiment: str | None
     config: Mapping[str, Any]
     checkpoint: Path
@@ -122,6 +126,11 @@ class FinishedRun:
                 _to_its_end("checkpoint=last takes the weights as they are"),
             )
         return model
+
+    @property
+    def usual_encoder(self) -> str:
+        """What is usual for judging on the run's corpus, as its yaml says, not the record."""
+        return str(self._corpus.values["encoder"])
 
     def needs_store(self, **given: Any) -> bool:
         """Whether the method looks things up in its corpus, with these arguments of its own."""
@@ -288,8 +297,8 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
         require_types(config["data"], get_type_hints(get_class(data.target)), "config.data")
     for part in ("metrics", "training", "choices"):
         require_plain(config[part], f"config.{part}")
-    require_known(list(config["metrics"]), list(_METRICS), "config.metrics")
-    require_types(config["metrics"], _METRICS, "config.metrics")
+    require_known(list(config["metrics"]), list(JUDGING), "config.metrics")
+    require_types(config["metrics"], JUDGING, "config.metrics")
     file = folder / "checkpoints" / f"{checkpoint}.ckpt"
     _inside(folder, previous_of(file))
     return FinishedRun(
@@ -303,6 +312,7 @@ def _checked(folder: Path, values: dict[str, Any], checkpoint: str) -> FinishedR
         fingerprint=values.get("data_fingerprint"),
         method=method,
         metrics=config["metrics"],
+        columns=tuple(column["key"] for column in values.get("metrics", [])),
         experiment=config["choices"].get("experiment"),
         config=config,
         checkpoint=_inside(folder, file),

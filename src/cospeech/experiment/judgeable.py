@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from lightning import LightningModule
 
 from cospeech.corpus.features.positions import evaluation_frames
 from cospeech.corpus.window_loader import WindowReader
 from cospeech.errors import ConfigError
+from cospeech.evaluation import Catalogue, standard_catalogue
 from cospeech.experiment.plain_arguments import argument_names
 from cospeech.methods.base import GestureMethod
+from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.motion.upper_body import EVALUATION_FPS, EVALUATION_FRAMES
+from cospeech.quoting import setting
+
+_OF_FGD = frozenset({"mean_term", "covariance_term"})
+"""Values that a Fréchet gesture distance logs, whatever its name in the catalogue."""
 
 
 def refuse_unjudgeable(name: str, method: LightningModule) -> None:
@@ -49,3 +56,55 @@ def refuse_unjudgeable(name: str, method: LightningModule) -> None:
             " could not be loaded again",
             "let its constructor call self.save_hyperparameters()",
         )
+
+
+def refuse_absent_monitors(
+    monitors: Mapping[str, str], catalogue: Catalogue, method: GestureMethod
+) -> None:
+    """Refuse to choose checkpoints by a metric that has been taken out of the catalogue.
+
+    What else a method logs, nobody knows before it has; so only metrics of the standard catalogue
+    are missed.
+
+    Args:
+        monitors: Setting -> name of the logged value: ``{"training.monitor": "val/fgd"}``.
+        catalogue: The metrics of the run.
+        method: It, of any corpus.
+
+    Raises:
+        ConfigError: One is of a metric that the catalogue lacks, or the method makes a value of it.
+    """
+    absent = _logged(standard_catalogue()) - _logged(catalogue)
+    for name in sorted(absent & method.derived_from):
+        raise ConfigError(
+            f"{type(method).__name__} makes values of its own of {name}, and metrics.catalogue has"
+            " no such metric",
+            f"keep it: leave metrics.catalogue.{_metric_of(name)} as it is",
+        )
+    for key, monitor in monitors.items():
+        stage, _, name = monitor.partition("/")
+        if stage != "val" or name not in absent:
+            continue
+        others = [
+            other
+            for other, metric in catalogue.metrics.items()
+            if metric.higher_is_better is False and other in _logged(catalogue)
+        ]
+        instead = f", or watch another: {setting(key, f'val/{others[0]}')}" if others else ""
+        raise ConfigError(
+            f"{key}={monitor}: metrics.catalogue has no such metric",
+            f"keep it: leave metrics.catalogue.{_metric_of(name)} as it is{instead}",
+        )
+
+
+def _logged(catalogue: Catalogue) -> set[str]:
+    """Names under which an epoch's values are logged."""
+    names = set[str]()
+    for name, metric in catalogue.metrics.items():
+        parts = _OF_FGD if isinstance(metric, FrechetGestureDistance) else metric.parts
+        names |= {name, *(f"{name}_{part}" for part in parts)}
+    return names
+
+
+def _metric_of(value: str) -> str:
+    return "fgd" if value.removeprefix("fgd_") in _OF_FGD else value

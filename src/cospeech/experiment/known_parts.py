@@ -42,7 +42,7 @@ def names_of(group: str) -> list[str]:
     user adds to it (``--config-dir``); in Python, where no command runs, ``conf`` alone.
 
     Args:
-        group: ``"model"`` or ``"data"``.
+        group: ``"model"``, ``"data"`` or ``"metrics"``.
     """
     return sorted({name for _, name in _offered(group)} - {BASE})
 

@@ -19,6 +19,7 @@ from cospeech.suggestions import did_you_mean
 
 _OF_HYDRA = ("_target_", "_partial_", "_recursive_", "_convert_", "_args_")
 _OURS = ("cospeech.", "data_modules.", "callbacks.")
+_ANOTHER_KEY = re.compile(r"\$\{([\w.]+)\}")
 _AT_LEAST_ONE = re.compile(r"(?:size|width|layers|encoder_epochs)$")
 _LEAST = {"training.epochs": -1}
 """Whole numbers of ours that may be negative; the others count or seed something."""
@@ -79,9 +80,7 @@ def refuse_wrong_values(cfg: DictConfig, usual: DictConfig) -> None:
         ConfigError: A value of another type, an empty text, or a number that is too small.
     """
     for path, node in _plain_values(cfg, ""):
-        default: Any = OmegaConf.select(usual, path.rpartition(".")[0]) if "." in path else usual
-        name = path.rpartition(".")[2]
-        default = default._get_node(name) if isinstance(default, DictConfig) else None
+        default = _usual_node(usual, path)
         if default is None or default._is_interpolation() or not hasattr(default, "_value"):
             kind: Any = int if path in _LEAST else None
         elif default._is_none() or default._is_missing():
@@ -95,6 +94,15 @@ def refuse_wrong_values(cfg: DictConfig, usual: DictConfig) -> None:
             raise ConfigError(f"{path} is empty", "leave it out, or give it a value")
         if kind is int:
             _refuse_too_small(path, node)
+
+
+def _usual_node(usual: DictConfig, path: str) -> Any:
+    """The node of the yaml files; where it stands for another key (``${data.encoder}``), that's."""
+    above, _, name = path.rpartition(".")
+    node: Any = OmegaConf.select(usual, above) if above else usual
+    node = node._get_node(name, validate_access=False) if isinstance(node, DictConfig) else None
+    other = _ANOTHER_KEY.fullmatch(str(node._value())) if hasattr(node, "_value") else None
+    return node if other is None else _usual_node(usual, other[1])
 
 
 def _plain_values(node: DictConfig, path: str) -> Iterator[tuple[str, Any]]:

@@ -35,7 +35,7 @@ from cospeech.experiment.building import (
 from cospeech.experiment.context import RunContext, RunInterrupted, RunResult
 from cospeech.experiment.enduring import costs_itself, enduring, other_arithmetic
 from cospeech.experiment.folders import resume_command, run_identity
-from cospeech.experiment.judgeable import refuse_unjudgeable
+from cospeech.experiment.judgeable import refuse_absent_monitors, refuse_unjudgeable
 from cospeech.experiment.stopping import (
     be_the_first_process,
     end_with_the_first_process,
@@ -166,6 +166,7 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
     judged = frozenset[str]()
     if isinstance(tried, GestureMethod):
         catalogue = chosen_catalogue(cfg.metrics)
+        refuse_absent_monitors(_monitors(cfg), catalogue, tried)
         judged = catalogue.fields
         data.refuse_impossible("the evaluation", judged)
     lightning.seed_everything(cfg.seed, verbose=False)
@@ -257,36 +258,25 @@ def _run(cfg: DictConfig, folder: Path, record: RunRecord) -> RunResult:
         load_weights(model, Path(best.best_model_path), again)
     if isinstance(model, HandsOverEncoder) and trainer.is_global_zero:
         _keep_encoder(cfg, folder, store, model)
-    if cfg.test and isinstance(model, GestureMethod):
-        assert encoder is not None
+    if cfg.test and (isinstance(model, GestureMethod) or is_overridden("test_step", model)):
         with _timed(record, "test"):
             windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
         if not trainer.is_global_zero:
             return RunResult(folder, record.values, objective, model)
-        with _timed(record, "test_recordings"):
-            recordings = evaluate_recordings(
-                model,
-                store,
-                "test",
-                encoder,
-                catalogue,
-                limit=_limit(cfg.trainer.get("limit_test_batches")),
-            )
-        record.update(
-            final={
-                "split": "test",
-                "windows": {
-                    name.removeprefix("test/"): float(value) for name, value in windows[0].items()
-                },
-                "recordings": recordings,
-            },
-            references=references,
-        )
-    elif cfg.test and is_overridden("test_step", model):
-        with _timed(record, "test"):
-            windows = trainer.test(model, datamodule=cast(LightningDataModule, data), verbose=False)
         values = {name.removeprefix("test/"): float(value) for name, value in windows[0].items()}
-        record.update(final={"split": "test", "windows": values})
+        final: dict[str, Any] = {"split": "test", "windows": values}
+        if isinstance(model, GestureMethod):
+            assert encoder is not None
+            limit = _limit(cfg.trainer.get("limit_test_batches"))
+            with _timed(record, "test_recordings"):
+                made = evaluate_recordings(model, store, "test", encoder, catalogue, limit=limit)
+            final["recordings"] = made
+            for experiment_logger in loggers:
+                of_recordings = {f"test_recordings/{name}": value for name, value in made.items()}
+                experiment_logger.log_metrics(of_recordings, trainer.global_step)
+                # The trainer has closed it already; this writes what has come since.
+                experiment_logger.finalize("success")
+        record.update(final=final, references=references)
     record.finish("ok")
     with costs_itself("the summary"):  # what is done is done, whatever the terminal makes of it
         _summarise(folder, record)
@@ -320,6 +310,16 @@ def _with_context(node: DictConfig, context: RunContext) -> Callback:
     """A callback; those of ours are partials that wait for the run's context."""
     callback = instantiate(node, _convert_="all")
     return callback(run=context) if isinstance(callback, functools.partial) else callback
+
+
+def _monitors(cfg: DictConfig) -> dict[str, str]:
+    """What callbacks watch, by the setting that says so."""
+    found = dict[str, str]()
+    for name, node in (cfg.callbacks or {}).items():
+        if node and isinstance(monitor := node.get("monitor"), str):
+            shared = node._get_node("monitor")._value() == "${training.monitor}"
+            found["training.monitor" if shared else f"callbacks.{name}.monitor"] = monitor
+    return found
 
 
 def _best_checkpoint(trainer: Trainer) -> ModelCheckpoint | None:

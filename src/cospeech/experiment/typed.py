@@ -27,7 +27,7 @@ from cospeech.experiment.settings import (
 from cospeech.quoting import quoted, setting
 from cospeech.suggestions import did_you_mean
 
-_OPEN_GROUPS = ("callbacks", "logger")
+_OPEN = ("callbacks", "logger", "metrics.catalogue")
 """Nodes whose children are objects, so that a user may add one with a `_target_`."""
 
 _OF_HYDRA = ("defaults", "hydra")
@@ -275,11 +275,14 @@ def _unknown(command: Command, cfg: DictConfig, override: Override) -> ConfigErr
     refused = _no_such(command, whole, name, valid, ".".join(prefix), cfg)
     if "did you mean" in str(refused) or not isinstance(node, DictConfig):
         return refused
+    text = str(override.input_line)
+    if ".".join(prefix) in _OPEN and "_target_" in text and not override.is_delete():
+        hint = f"one more is added with +: {shlex.quote('+' + text)}"
+        return ConfigError(f"{whole}: not in {'.'.join(prefix)}", hint)
     target = str(node.get("_target_", ""))
     if target and not target.startswith(_SAID_IN_FULL):
         arguments = known_arguments(target)
         if arguments is None or name in arguments:
-            text = str(override.input_line)
             hint = f"a setting that isn't in the yaml is added with +: {shlex.quote('+' + text)}"
             return ConfigError(f"{whole}: not in {'.'.join(prefix)}", hint)
         valid += arguments
@@ -356,7 +359,8 @@ def _refuse_unknown_additions(command: Command, job: Sequence[str], cfg: DictCon
         above, name, node = _first_missing(without, key)
         if name is None:
             continue
-        if len(above) == 1 and above[0] in _OPEN_GROUPS and _has(cfg[above[0]][name], "_target_"):
+        above_it = ".".join(above)
+        if above_it in _OPEN and _has(OmegaConf.select(cfg, above_it)[name], "_target_"):
             continue
         if any("_target_" in node for node in _objects_above(without, above)):
             continue  # a name of its own arguments, or it is refused with those

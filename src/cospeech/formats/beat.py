@@ -25,7 +25,9 @@ from cospeech.formats.mocap.takes import checked_ids
 LICENCE = "BEAT: non-commercial research only"
 FPS = 120.0
 
-_NAME = re.compile(r"(\d{1,2})_([a-z]+)_([0-7])_(\d+)_(\d+)", re.IGNORECASE)
+NAME = re.compile(r"(\d{1,2})_([a-z]+)_([0-7])_(\d+)_(\d+)", re.IGNORECASE)
+"""Of a recording's files."""
+
 _LANGUAGES = ("English", "Chinese", "Spanish", "Japanese")
 _EMOTIONS = (
     (64, "neutral"),
@@ -69,7 +71,7 @@ def find_beat_takes(
     lists = [Path(split_list)] if split_list else files_named(root, r"train_test_split\.csv")
     takes: list[Take] = []
     for take in find_takes(root, missing_audio=missing_audio, transcripts=(".textgrid",)):
-        match = _NAME.fullmatch(take.path.stem)
+        match = NAME.fullmatch(take.path.stem)
         if match is None:
             continue
         take = replace(

@@ -19,18 +19,21 @@ from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cospeech.errors import CospeechError, InputFileError
+from cospeech.errors import ContentError, CospeechError, InputFileError
+from cospeech.foreign import understood
 from cospeech.formats.mocap import MissingAudio, Take, Voice, find_takes
 from cospeech.formats.mocap.finding import files_named
-from cospeech.formats.mocap.tables import Row, cell, columns_of, read_table
 from cospeech.formats.mocap.takes import checked_ids
+from cospeech.formats.tables import Row, columns_of, read_table
 
 LICENCE = "Talking With Hands 16.2M (GENEA edition): CC BY-NC 4.0"
 FPS = 30.0
 MAIN, OTHER = "main-agent", "interloctr"
 UNKNOWN_SPEAKER = "unknown"
 
-_NAME = re.compile(r"((trn|val|tst)_(20\d\d)_v\d+_\d+)(?:_(main-agent|interloctr))?", re.IGNORECASE)
+NAME = re.compile(r"((trn|val|tst)_(20\d\d)_v\d+_\d+)(?:_(main-agent|interloctr))?", re.IGNORECASE)
+"""Of a recording's files."""
+
 _SPLITS = {"trn": "train", "val": "val", "tst": "test"}
 
 _log = logging.getLogger(__name__)
@@ -67,7 +70,7 @@ def find_genea_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
     root = Path(root)
     sides: dict[tuple[str, str], list[Take]] = defaultdict(list)
     for take in find_takes(root, missing_audio=missing_audio, transcripts=(".tsv",)):
-        match = _NAME.fullmatch(take.path.stem)
+        match = NAME.fullmatch(take.path.stem)
         if match is not None:
             side = OTHER if (match[4] or "").lower() == OTHER else MAIN
             sides[match[1].lower(), side].append(take)
@@ -120,9 +123,7 @@ def _recording(take: Take, name: str, said: Speakers | None, others: list[Take])
         return replace(take, problem=problem, left_out="no motion in the release")
     audio = others[0].audio if others else None
     if audio is not None:
-        take = replace(
-            take, interlocutor=Voice(audio, others[0].transcript, others[0].other_transcripts)
-        )
+        take = replace(take, interlocutor=Voice(audio, others[0].transcripts))
     return take
 
 
@@ -141,21 +142,21 @@ def _all_speakers(root: Path) -> dict[str, Speakers]:
 def _read_metadata(path: Path) -> list[tuple[str, Speakers, str]]:
     """Lines of either year's table that describe a recording."""
     rows = read_table(path)
-    columns = {"name": 0, "fingers": 1, "main": 2}
-    if not _NAME.fullmatch(rows[0].fields[0]):
-        columns = columns_of(path, rows[0], _spellings(rows[0]))
-        rows = rows[1:]
-    said = []
-    for row in rows:
-        name = cell(path, row, columns["name"]).lower()
-        if not _NAME.fullmatch(name):
-            raise InputFileError(
-                path, f"{name[:40]!r} is no recording", row.place, "expected trn_2023_v0_000"
-            )
-        fingers = cell(path, row, columns["fingers"]).lower()
-        other = _speaker(path, row, columns["other"]) if "other" in columns else None
-        main = _speaker(path, row, columns["main"])
-        said.append((name, Speakers(main, fingers.endswith("_incl"), other, path), row.place))
+    with understood(path, "a table of metadata"):
+        columns = {"name": 0, "fingers": 1, "main": 2}
+        if not NAME.fullmatch(rows[0].fields[0]):
+            columns = columns_of(rows[0], _spellings(rows[0]))
+            rows = rows[1:]
+        said = []
+        for row in rows:
+            name = row.cell(columns["name"]).lower()
+            if not NAME.fullmatch(name):
+                problem = f"{name[:40]!r} is no recording"
+                raise ContentError(problem, row.place, "expected trn_2023_v0_000")
+            fingers = row.cell(columns["fingers"]).lower()
+            other = _speaker(row, columns["other"]) if "other" in columns else None
+            main = _speaker(row, columns["main"])
+            said.append((name, Speakers(main, fingers.endswith("_incl"), other, path), row.place))
     return said
 
 
@@ -170,10 +171,9 @@ def _spellings(header: Row) -> dict[str, tuple[str, ...]]:
     return wanted
 
 
-def _speaker(path: Path, row: Row, column: int) -> int:
-    text = cell(path, row, column)
+def _speaker(row: Row, column: int) -> int:
+    text = row.cell(column)
     if not (text.isascii() and text.isdigit() and len(text) <= 4):
-        raise InputFileError(
-            path, f"{text[:40]!r} is not a speaker's number", row.place, "expected 1, 2, ..."
-        )
+        problem = f"{text[:40]!r} is not a speaker's number"
+        raise ContentError(problem, row.place, "expected 1, 2, ...")
     return int(text)

@@ -44,6 +44,9 @@ CHALLENGE_VALIDATION = ("001", "002")
 _RELEASED = {"val": range(1, 3), "test": range(3, 6), "train": range(6, 31)}
 _GENEA_NAME = re.compile(r"(recording|testseq)_?(\d{3})", re.IGNORECASE)
 _TAKE_NAME = re.compile(r"naturaltalking_(\d{3})(_2)?", re.IGNORECASE)
+NAMES = (_GENEA_NAME, _TAKE_NAME)
+"""Of the files of a recording: in the GENEA release, and as everywhere else."""
+
 _PART_II = re.compile(r"(speech[-_ ]?gesture|trinity)[-_ ]*(ii|2)(?![a-z0-9])", re.IGNORECASE)
 _RAW_NAME = re.compile(r"(?:naturaltalking_(\d{3})|.*?(\d{1,3})$)", re.IGNORECASE)
 
@@ -134,7 +137,7 @@ def challenge_split(name: str) -> str | None:
 
 def _is_release_file(take: Take) -> bool:
     match = _TAKE_NAME.fullmatch(take.path.stem)
-    return match is not None and (match[2] is not None or take.transcript is not None)
+    return match is not None and (match[2] is not None or bool(take.transcripts))
 
 
 def _renamed(root: Path, takes: Iterable[Take]) -> list[Take]:

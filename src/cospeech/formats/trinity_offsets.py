@@ -8,17 +8,22 @@ datasets' ``AlignmentTimes.csv`` has a header (Take, AudioStart, MotionStart; se
 
 from __future__ import annotations
 
-import math
 import re
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
-from cospeech.errors import InputFileError
-from cospeech.formats.mocap.tables import Row, cell, columns_of, read_table
+from cospeech.errors import ContentError
+from cospeech.foreign import understood
 from cospeech.formats.mocap.takes import Excerpt
+from cospeech.formats.tables import Row, columns_of, read_table
 
 TABLE_NAMES = ("offsets.csv", "AlignmentTimes.csv")
+_COLUMNS = {
+    "take": ("take", "name", "file", "filename"),
+    "audio": ("audiostart", "audio_start"),
+    "motion": ("motionstart", "motion_start"),
+}
 _TABLE_FPS = 30.0
 _MOST_SECONDS = 3600.0
 _MOST_FRAMES = 1e6
@@ -68,47 +73,33 @@ def read_offsets(path: Path) -> OffsetTable:
     rows = read_table(path)
     excerpts: dict[int, list[Excerpt]] = defaultdict(list)
     spelled = " ".join(rows[0].fields).lower()
-    if "audio" in spelled and "motion" in spelled:
-        columns = columns_of(
-            path,
-            rows[0],
-            {
-                "take": ("take", "name", "file", "filename"),
-                "audio": ("audiostart", "audio_start", "audio start"),
-                "motion": ("motionstart", "motion_start", "motion start"),
-            },
-        )
-        for row in rows[1:]:
-            excerpts[_take_number(path, row, columns["take"])].append(
-                Excerpt(
-                    motion_start=_seconds(path, row, columns["motion"]),
-                    audio_start=_seconds(path, row, columns["audio"]),
-                )
-            )
-    else:
-        for row in rows[1:] if "offset" in spelled else rows:
-            excerpts[_take_number(path, row, 0)].append(_by_frames(path, row))
+    with understood(path, "an offset table"):
+        if "audio" in spelled and "motion" in spelled:
+            columns = columns_of(rows[0], _COLUMNS)
+            for row in rows[1:]:
+                motion, audio = (_seconds(row, columns[name]) for name in ("motion", "audio"))
+                excerpts[_take_number(row, columns["take"])].append(Excerpt(motion, audio))
+        else:
+            for row in rows[1:] if "offset" in spelled else rows:
+                excerpts[_take_number(row, 0)].append(_by_frames(row))
     return OffsetTable(path, dict(excerpts))
 
 
-def _by_frames(path: Path, row: Row) -> Excerpt:
-    start, stop = _number(path, row, 1), _number(path, row, 2)
-    offset, rate = _number(path, row, 4), _number(path, row, 5)
+def _by_frames(row: Row) -> Excerpt:
+    start, stop, offset, rate = (row.number(column) for column in (1, 2, 4, 5))
     if not (1 <= rate <= 1000 and 0 <= start <= _MOST_FRAMES and stop <= _MOST_FRAMES):
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"{', '.join(row.fields)[:100]!r} is not name, start, stop, offset at 30 fps, offset in"
             " BVH rows, BVH rows per second, offset of the audio in seconds",
             row.place,
         )
     motion_start = (int(start * rate / _TABLE_FPS) - offset) / rate
-    audio_start = start / _TABLE_FPS + _number(path, row, 6)
+    audio_start = start / _TABLE_FPS + row.number(6)
     duration = (stop - start) / _TABLE_FPS if stop > 0 else None
     if not (0 <= motion_start <= _MOST_SECONDS and 0 <= audio_start <= _MOST_SECONDS) or (
         duration is not None and duration <= 0
     ):
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"the piece starts at {motion_start:g} s of the motion and {audio_start:g} s of the"
             f" audio and lasts {'to the end' if duration is None else f'{duration:g} s'}",
             row.place,
@@ -117,26 +108,15 @@ def _by_frames(path: Path, row: Row) -> Excerpt:
     return Excerpt(motion_start, audio_start, duration)
 
 
-def _take_number(path: Path, row: Row, column: int) -> int:
-    numbers = re.findall(r"\d+", re.sub(r"\.0+$", "", cell(path, row, column)))
+def _take_number(row: Row, column: int) -> int:
+    numbers = re.findall(r"\d+", re.sub(r"\.0+$", "", row.cell(column)))
     if not numbers or len(numbers[-1]) > 4:
-        raise InputFileError(path, f"{cell(path, row, column)[:40]!r} is no take", row.place)
+        raise ContentError(f"{row.cell(column)[:40]!r} is no take", row.place)
     return int(numbers[-1])
 
 
-def _number(path: Path, row: Row, column: int) -> float:
-    text = cell(path, row, column)
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputFileError(path, f"{text[:40]!r} is not a number", row.place)
-    return value
-
-
-def _seconds(path: Path, row: Row, column: int) -> float:
-    value = _number(path, row, column)
+def _seconds(row: Row, column: int) -> float:
+    value = row.number(column)
     if not 0 <= value <= _MOST_SECONDS:
-        raise InputFileError(path, f"{value:g} s is not a place in a take", row.place)
+        raise ContentError(f"{value:g} s is not a place in a take", row.place)
     return value

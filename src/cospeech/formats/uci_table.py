@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.errors import InputFileError
-from cospeech.foreign import read_bytes, understood
+from cospeech.errors import ContentError
+from cospeech.foreign import understood
 from cospeech.formats.phase_files.labels import normalised, phase_meanings
+from cospeech.formats.tables import read_table
 from cospeech.motion.phases import PHASE_INDEX
 
 FILE_JOINTS = ("left_hand", "right_hand", "head", "spine", "left_wrist", "right_wrist")
@@ -22,7 +20,6 @@ FILE_JOINTS = ("left_hand", "right_hand", "head", "spine", "left_wrist", "right_
 
 _COLUMNS = [f"{joint}{axis}" for joint in ("lh", "rh", "h", "s", "lw", "rw") for axis in "xyz"]
 _COLUMNS += ["timestamp", "phase"]
-_WHAT = "a raw file of the UCI set"
 _MOST_BYTES = 2**26
 _LONGEST_S = 2 * 3600.0
 """The set's recordings last minutes; memory follows the time that the rows claim."""
@@ -63,39 +60,39 @@ def read_uci_table(path: str | Path) -> UciTable:
     values: list[list[float]] = []
     labels: list[int] = []
     unordered = hours = 0
-    for number, row in enumerate(_rows(path), start=2):
-        place = f"line {number}"
-        try:
-            numbers = [float(cell) for cell in row[:18]]
-            stamp = int(row[18])
-        except ValueError:
-            raise InputFileError(path, "a value is not a number", place) from None
-        if not np.isfinite(numbers).all():
-            raise InputFileError(path, "a value is not finite", place)
-        label = meanings.get(normalised(row[19]))
-        if label is None:
-            raise InputFileError(path, f"{row[19]!r} is not a phase", place)
-        minute, second = divmod(stamp // 1000, 100)
-        if not (0 <= minute < 60 and 0 <= second < 60):
-            raise InputFileError(
-                path, f"the timestamp {row[18][:20]} is not minute, second, ms", place
-            )
-        time = 3600 * hours + 60 * minute + second + stamp % 1000 / 1000
-        if times and time < times[-1] - 1800:
-            hours, time = hours + 1, time + 3600
-        if times and time - times[0] > _LONGEST_S:
-            problem = f"{time - times[0]:.0f} s after the first row; recordings last minutes"
-            raise InputFileError(path, problem, place, "check the timestamps up to this row")
-        if times and time <= times[-1]:
-            unordered += 1
-            continue
-        times.append(time)
-        values.append(numbers)
-        labels.append(PHASE_INDEX[label])
-    if len(times) < 2 or unordered > _MOST_UNORDERED * len(times):
-        raise InputFileError(
-            path, f"{len(times)} rows in order of time and {unordered} out of it: not a recording"
-        )
+    header, *rows = read_table(path, _MOST_BYTES)
+    with understood(path, "a raw file of the UCI set"):
+        if [cell.lower() for cell in header.fields] != _COLUMNS:
+            problem = f"the header is not {','.join(_COLUMNS)}"
+            hint = "take the file from the UCI repository; edited copies are about"
+            raise ContentError(problem, "line 1", hint)
+        for row in rows:
+            if len(row.fields) != len(_COLUMNS):
+                problem = f"{len(row.fields)} columns, expected {len(_COLUMNS)}"
+                raise ContentError(problem, row.place)
+            numbers, stamp = [row.number(column) for column in range(18)], row.number(18)
+            label = meanings.get(normalised(row.fields[19]))
+            if label is None:
+                raise ContentError(f"{row.fields[19]!r} is not a phase", row.place)
+            minute, second = divmod(stamp // 1000, 100)
+            if not (0 <= minute < 60 and 0 <= second < 60):
+                problem = f"the timestamp {row.fields[18][:20]} is not minute, second, ms"
+                raise ContentError(problem, row.place)
+            time = 3600 * hours + 60 * minute + second + stamp % 1000 / 1000
+            if times and time < times[-1] - 1800:
+                hours, time = hours + 1, time + 3600
+            if times and time - times[0] > _LONGEST_S:
+                problem = f"{time - times[0]:.0f} s after the first row; recordings last minutes"
+                raise ContentError(problem, row.place, "check the timestamps up to this row")
+            if times and time <= times[-1]:
+                unordered += 1
+                continue
+            times.append(time)
+            values.append(numbers)
+            labels.append(PHASE_INDEX[label])
+        if len(times) < 2 or unordered > _MOST_UNORDERED * len(times):
+            told = f"{len(times)} rows in order of time and {unordered} out of it"
+            raise ContentError(f"{told}: not a recording")
     if unordered:
         _log.warning(
             "%s: %d rows were not later than the row before and are left out", path, unordered
@@ -103,24 +100,3 @@ def read_uci_table(path: str | Path) -> UciTable:
     return UciTable(
         np.array(times), np.array(values).reshape(-1, 6, 3), np.array(labels, dtype=np.int8)
     )
-
-
-def _rows(path: Path) -> Iterator[list[str]]:
-    data = read_bytes(path, _WHAT, _MOST_BYTES)
-    with understood(path, _WHAT):
-        lines = io.StringIO(data.decode("utf-8-sig"), newline="")
-        for number, row in enumerate(csv.reader(lines), start=1):
-            if number == 1:
-                if [cell.strip().lower() for cell in row] != _COLUMNS:
-                    raise InputFileError(
-                        path,
-                        f"the header is not {','.join(_COLUMNS)}",
-                        "line 1",
-                        hint="take the file from the UCI repository; edited copies are about",
-                    )
-                continue
-            if len(row) != len(_COLUMNS):
-                raise InputFileError(
-                    path, f"{len(row)} columns, expected {len(_COLUMNS)}", f"line {number}"
-                )
-            yield row

@@ -14,20 +14,23 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from cospeech.errors import CospeechError, InputFileError
+from cospeech.errors import ContentError, CospeechError
+from cospeech.foreign import understood
 from cospeech.formats.mocap import MissingAudio, Take, find_takes
 from cospeech.formats.mocap.finding import files_named
-from cospeech.formats.mocap.tables import cell, columns_of, read_table
 from cospeech.formats.mocap.takes import checked_ids
+from cospeech.formats.tables import columns_of, read_table
 from cospeech.quoting import setting
 
 LICENCE = "ZeroEGGS: CC BY-NC-ND 4.0"
 FPS = 60.0
 SPEAKER = "zeggs"
 
-_NAME = re.compile(
+NAME = re.compile(
     r"(?P<id>\d{3}_(?P<style>[A-Za-z]+)_\d+)(?P<mirror>_mirror)?(?:_[xyz]_(?P<speed>\d+_\d+))?"
 )
+"""Of a recording's files."""
+
 _VALIDATION = {"true": "val", "false": "train"}
 
 _log = logging.getLogger(__name__)
@@ -53,7 +56,7 @@ def find_zeggs_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
         _log.warning("%s: no info.csv, so the published split is not known%s", root, where)
     takes = []
     for take in find_takes(root, missing_audio=missing_audio):
-        match = _NAME.fullmatch(take.path.stem)
+        match = NAME.fullmatch(take.path.stem)
         if match is None:
             continue
         take = replace(
@@ -86,17 +89,15 @@ def find_zeggs_takes(root: str | Path, *, missing_audio: MissingAudio = "skip") 
 def _splits(path: Path) -> dict[str, str]:
     """Recording -> split, by the sequence list; a mirrored copy is in its original's split."""
     header, *rows = read_table(path)
-    columns = columns_of(path, header, {"bvh": ("anim_bvh",), "validation": ("validation",)})
     splits: dict[str, str] = {}
-    for row in rows:
-        match = _NAME.fullmatch(cell(path, row, columns["bvh"]).removesuffix(".bvh"))
-        split = _VALIDATION.get(cell(path, row, columns["validation"]).lower())
-        if match is None or split is None:
-            raise InputFileError(
-                path,
-                f"{', '.join(row.fields)[-60:]!r} is not a sequence and TRUE or FALSE",
-                row.place,
-            )
-        if splits.setdefault(match["id"], split) != split:
-            raise InputFileError(path, f"{match['id']} is in both splits", row.place)
+    with understood(path, "a list of sequences"):
+        columns = columns_of(header, {"bvh": ("anim_bvh",), "validation": ("validation",)})
+        for row in rows:
+            match = NAME.fullmatch(row.cell(columns["bvh"]).removesuffix(".bvh"))
+            split = _VALIDATION.get(row.cell(columns["validation"]).lower())
+            if match is None or split is None:
+                problem = f"{', '.join(row.fields)[-60:]!r} is not a sequence and TRUE or FALSE"
+                raise ContentError(problem, row.place)
+            if splits.setdefault(match["id"], split) != split:
+                raise ContentError(f"{match['id']} is in both splits", row.place)
     return splits

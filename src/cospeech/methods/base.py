@@ -28,13 +28,14 @@ class GestureMethod(LightningModule, ABC):
 
     Attributes:
         window: Frame rate, length, seed frames and stride of the windows it works on.
-        needs: Names of the fields it reads (`cospeech.corpus.features`); the evaluation asks for
-            its own.
-        speakers: Of the training; motion may be asked for in the manner of one.
+        needs: Names of the fields it reads (`cospeech.corpus.features`).
+        derived_from: Names of the evaluation's values that `derived_values` reads.
+        speakers: Names of those in the training.
     """
 
     window: WindowSpec
     needs: ClassVar[frozenset[str]]
+    derived_from: ClassVar[frozenset[str]] = frozenset()
     speakers: list[str]
 
     def __init__(self) -> None:
@@ -83,8 +84,8 @@ class GestureMethod(LightningModule, ABC):
             wanted = f"a {type(self).__name__} takes no controls: {controls!r:.80}"
             raise ConfigError(wanted, "leave controls out")
         check_seed_motion(seed_motion, self.window)
-        seeded = generator or torch.Generator().manual_seed(0)
-        return self.begin(speaker, controls, seed_motion, seeded)
+        generator = generator or torch.Generator().manual_seed(0)
+        return self.begin(speaker, controls, seed_motion, generator)
 
     @abstractmethod
     def begin(

@@ -12,7 +12,7 @@ from cospeech.metrics.encoder import FEATURE_SIZE
 from cospeech.metrics.evaluation_windows import EvaluationWindows
 from cospeech.metrics.functional import frechet_terms
 from cospeech.metrics.moments import Moments, feature_moments
-from cospeech.metrics.window_metric import WindowMetric
+from cospeech.metrics.window_metric import VALUE, WindowMetric
 
 
 class FrechetGestureDistance(WindowMetric):
@@ -53,7 +53,7 @@ class FrechetGestureDistance(WindowMetric):
                 setattr(self, f"{side}_{name}", state + value.to(state.device))
 
     def compute(self) -> dict[str, Tensor]:
-        """The distance ``fgd``, and the terms ``fgd_mean_term`` and ``fgd_covariance_term``.
+        """The distance, and its terms ``mean_term`` and ``covariance_term``.
 
         Raises:
             RuntimeError: Fewer than two windows on a side.
@@ -75,7 +75,7 @@ class FrechetGestureDistance(WindowMetric):
         generated = Moments(self.generated_samples, self.generated_total, self.generated_outer)
         terms = frechet_terms(*real.mean_and_covariance(), *generated.mean_and_covariance())
         return {
-            "fgd": terms.total,
-            "fgd_mean_term": terms.mean_term,
-            "fgd_covariance_term": terms.covariance_term,
+            VALUE: terms.total,
+            "mean_term": terms.mean_term,
+            "covariance_term": terms.covariance_term,
         }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
 import torch
@@ -10,17 +12,25 @@ from torchmetrics import Metric
 
 from cospeech.metrics.evaluation_windows import EvaluationWindows
 
+Comparison = Literal["pairs", "sets", "nothing"]
+"""What windows are compared with."""
+
+VALUE = "value"
+"""The name of a metric's value among several that it computes."""
+
 
 class WindowMetric(Metric):
     """A torchmetric over windows of the evaluation space.
 
     Named in ``conf/metrics``, it stands in every epoch's values, in the rows of both protocols, in
-    the reference rows, in the tables and in the record. ``compute`` gives a scalar, or several by
-    their names. ``higher_is_better`` makes the arrow of the table; None: neither is.
+    the reference rows, in the tables and in the record. ``higher_is_better`` makes the arrow of the
+    table; None: neither is. ``compute`` gives a scalar, or several: ``"value"``, which has the
+    metric's name, and ``PART``, which is called ``NAME_PART``.
 
     Attributes:
         title: Heading of its column.
         unit: Of its values; empty for a pure number.
+        parts: Headings of the further values that have a column, by their parts.
         needs: Fields of the corpus that it reads of the windows besides motion
             (`cospeech.corpus.features`); the method needn't read them.
         compares: ``"pairs"``: generated window i with real window i, of the same speech;
@@ -37,7 +47,8 @@ class WindowMetric(Metric):
     title: ClassVar[str]
     unit: ClassVar[str] = ""
     needs: ClassVar[frozenset[str]] = frozenset()
-    compares: ClassVar[Literal["pairs", "sets", "nothing"]] = "pairs"
+    parts: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    compares: ClassVar[Comparison] = "pairs"
 
     are_pairs: bool = True
 

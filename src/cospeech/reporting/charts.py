@@ -29,6 +29,19 @@ if TYPE_CHECKING:
 SERIES = tuple(f"c{i}" for i in range(1, 11))
 """Names of the colours of what is compared; they repeat after ten."""
 
+_PHASES = {
+    "preparation": "p1",
+    "stroke": "p2",
+    "hold": "p3",
+    "pre_hold": "p4",
+    "independent_hold": "p5",
+    "rest_hold": "p6",
+    "partial_retract": "p7",
+    "retract": "p8",
+    "retraction": "p8",
+    "rest": "p6",
+}
+_ON_LIGHT, _ON_DARK = "#10151c", "#fefefe"
 _LOG_RATIO = 30
 _FARTHEST = 1e100
 _PICTURE_DPI = 160
@@ -59,6 +72,13 @@ def colour(name: str) -> str:
     In a page's SVG it becomes the style sheet's variable again, and so follows the theme.
     """
     return _theme()[name]
+
+
+def phase_colours(phase: str) -> tuple[str, str]:
+    """A gesture phase's colour, and that of text on it; grey for one not known."""
+    name = _PHASES.get(phase, "p0")
+    on_it = {"p0": colour("text"), "p2": _ON_DARK, "p5": _ON_DARK}.get(name, _ON_LIGHT)
+    return colour(name), on_it
 
 
 @contextmanager
@@ -118,6 +138,14 @@ def new_axes(
     rectangle = (place / side for place, side in zip(frame, scale, strict=True))
     figure = new_figure(width, height)
     return figure, figure.add_axes(tuple(rectangle))  # type: ignore[arg-type]
+
+
+def pixel_axes(width: float, height: float) -> tuple[Figure, Axes]:
+    """A figure that is all one place to draw on, in pixels of a page from its lower left corner."""
+    figure, axes = new_axes(width, height, left=0, right=0, top=0, bottom=0)
+    axes.set(xlim=(0, width), ylim=(0, height))
+    axes.axis("off")
+    return figure, axes
 
 
 def titled(artist: Artist, text: str) -> None:
@@ -209,7 +237,8 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     """An SVG element with axes and lines.
 
     The vertical axis is logarithmic, and says so, where positive values span more than a factor
-    of 30.
+    of 30. A horizontal axis of whole numbers is marked at whole numbers; with a single one, zero is
+    on the vertical axis.
 
     Args:
         lines: At least one with a finite point.
@@ -219,13 +248,14 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     Returns:
         ``<svg>...</svg>`` that needs no other file; empty when there is nothing to draw.
     """
-    from matplotlib.ticker import LogLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
     finite = [
         [(x, y) for x, y in line.points if abs(x) < _FARTHEST and abs(y) < _FARTHEST]
         for line in lines
     ]
     ys = [y for points in finite for _, y in points]
+    xs = {x for points in finite for x, _ in points}
     if not ys:
         return ""
     figure, axes = new_axes(720, 300, left=58, right=14, top=14, bottom=38)
@@ -239,9 +269,19 @@ def line_chart(lines: Sequence[Line], x_title: str, y_title: str) -> str:
     if logarithmic:
         axes.set_yscale("log", subs=[])
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    elif len(xs) == 1 and low != 0 != high:
+        # dots of one epoch have no course that a near view could show
+        axes.set_ylim(min(0, 1.25 * low), max(0, 1.25 * high))
     elif 0 < low < 0.4 * high:
         # lines may start at zero when it is near: a tall axis that hides it exaggerates
         axes.set_ylim(bottom=0)
+    if len(xs) == 1:
+        (only,) = xs
+        beside = max(1, 0.01 * abs(only))
+        axes.set_xlim(only - beside, only + beside)
+        axes.set_xticks([only])
+    elif all(float(x).is_integer() for x in xs):
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(axis="y")

@@ -1,26 +1,22 @@
-"""Reading the records of many runs, and summing them up over seeds."""
+"""Reading the records of many runs."""
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.reporting.record import load_record
 from cospeech.reporting.run_state import is_at_work
-from cospeech.reporting.tables import Summary, summarise
 
 RECORD = "record.json"
 PROTOCOLS: tuple[str, ...] = ("windows", "recordings")
 """The two ways a run is judged; their numbers are not comparable with one another."""
 
-_SPACE = ("corpus fingerprint", "encoder")
 _MOST_SAMPLES = 100
-_LONGEST_SETTING = 60
 _LIMITS = ("fast_dev_run", "overfit_batches")
 # settings that name the run or watch it, and do not change its numbers
 _NOT_SETTINGS = (
@@ -37,8 +33,10 @@ _NOT_SETTINGS = (
     "data.store_dir",
     "data.workers",
     "model.products_dir",
+    "metrics.catalogue",
 )
-_SETTINGS_IN_A_LABEL = 3
+CATALOGUE = "metrics.catalogue."
+"""What the settings of metrics begin with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +82,9 @@ class Run:
     def is_debug(self) -> bool:
         """Whether it saw a few batches alone (``debug=fast``): its numbers mean nothing."""
         config = self.mapping("config")
-        choices, trainer = config.get("choices"), config.get("trainer")
-        if isinstance(choices, Mapping) and choices.get("debug"):
+        if config.get("choices", {}).get("debug"):
             return True
+        trainer = config.get("trainer")
         return isinstance(trainer, Mapping) and any(
             bool(value) and not (isinstance(value, float) and value == 1)
             for key, value in trainer.items()
@@ -104,26 +102,22 @@ class Run:
         return self.values.get("seed")
 
     def mapping(self, key: str) -> Mapping[str, Any]:
-        """A top-level object of the record; empty when absent or of another type."""
-        value = self.values.get(key)
-        return value if isinstance(value, Mapping) else {}
+        """A top-level object of the record; empty when absent."""
+        value: Mapping[str, Any] = self.values.get(key, {})
+        return value
 
     def final(self, protocol: str) -> Mapping[str, Any]:
         """Final metrics under a protocol."""
-        value = self.mapping("final").get(protocol)
-        return value if isinstance(value, Mapping) else {}
+        value: Mapping[str, Any] = self.mapping("final").get(protocol, {})
+        return value
 
     def epochs(self) -> list[Mapping[str, Any]]:
         """Metrics per epoch, in order."""
-        rows = self.values.get("epochs")
-        if not isinstance(rows, list):
-            return []
-        known = [r for r in rows if isinstance(r, Mapping) and number(r.get("epoch")) is not None]
-        return sorted(known, key=lambda row: float(row["epoch"]))
+        return sorted(self.values.get("epochs", []), key=lambda row: row["epoch"])
 
     def samples(self) -> list[Path]:
         """The run's player pages and videos that exist, inside its folder."""
-        names = self.values.get("samples") or []
+        names = self.values.get("samples", [])
         root = self.folder.resolve()
         paths = [self.folder / name for name in names[-_MOST_SAMPLES:] if _is_inside(root, name)]
         return list(dict.fromkeys(paths))
@@ -134,11 +128,19 @@ class Run:
         return {
             key: value
             for key, value in flat.items()
-            if key.split(".")[0] not in _NOT_SETTINGS
-            and key not in _NOT_SETTINGS
+            if not any(f"{key}.".startswith(f"{name}.") for name in _NOT_SETTINGS)
             and not (key.rsplit(".", 1)[-1] == "seed" and value == self.seed)
             and not (isinstance(value, str) and self.id in value)
         }
+
+    def metrics(self) -> dict[str, dict[str, Any]]:
+        """Name -> settings of each metric that the run was judged by, as dotted keys."""
+        found: dict[str, dict[str, Any]] = {}
+        for key, value in flatten(self.mapping("config")).items():
+            if key.startswith(CATALOGUE):
+                name = key.removeprefix(CATALOGUE).partition(".")[0]
+                found.setdefault(name, {})[key] = value
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,44 +156,6 @@ class Collection:
     folder: Path
     runs: list[Run]
     damaged: list[tuple[Path, str]]
-
-
-@dataclass(eq=False)
-class Group:
-    """Runs that differ in their seed alone.
-
-    Attributes:
-        label: Model and ablation, with what else sets the group apart from the others.
-        model: Model.
-        data: Data.
-        ablation: Ablation.
-        runs: The newest finished run of each seed.
-        superseded: Finished runs of a seed that a newer one repeats.
-        unfinished: Failed, interrupted and running ones.
-        space: Corpus fingerprint and encoder hash of its numbers.
-        is_debug: Whether its runs are debug runs.
-    """
-
-    label: str
-    model: str
-    data: str
-    ablation: str
-    runs: list[Run] = field(default_factory=list)
-    superseded: list[Run] = field(default_factory=list)
-    unfinished: list[Run] = field(default_factory=list)
-    space: tuple[str | None, str | None] = (None, None)
-    is_debug: bool = False
-
-    @property
-    def members(self) -> list[Run]:
-        """Every run, finished or not."""
-        return [*self.runs, *self.superseded, *self.unfinished]
-
-    def summary(self, protocol: str, metric: str) -> Summary | None:
-        """A final metric over the seeds; None when no run has it."""
-        values = (number(run.final(protocol).get(metric)) for run in self.runs)
-        found = summarise(value for value in values if value is not None)
-        return None if found is None else replace(found, of=len(self.runs))
 
 
 def number(value: Any) -> float | None:
@@ -261,120 +225,3 @@ def _is_inside(root: Path, name: str) -> bool:
         return path.is_relative_to(root) and path.is_file() and path.resolve() == path
     except (OSError, ValueError):  # a name that no file can have
         return False
-
-
-def group_runs(runs: Iterable[Run]) -> list[Group]:
-    """Runs by model, data, ablation and every setting, evaluation encoder and corpus they share.
-
-    Numbers from different encoders or corpora are not comparable, so they never meet in a mean.
-    """
-    alike: dict[str, list[Run]] = {}
-    for run in runs:
-        names = [run.values.get(name) for name in ("model", "data", "ablation")]
-        key = json.dumps([*names, run.is_debug, run.settings()], sort_keys=True, default=str)
-        alike.setdefault(key, []).append(run)
-    groups = [_group(members) for same in alike.values() for members in _comparable(same)]
-    _tell_apart(groups)
-    return sorted(groups, key=lambda group: (group.data, group.model, group.ablation, group.label))
-
-
-def _comparable(runs: Sequence[Run]) -> list[list[Run]]:
-    """Runs of equal settings, apart by corpus and encoder.
-
-    A run that stopped before it knew its corpus or encoder joins the first.
-    """
-    known: dict[tuple[Any, Any], list[Run]] = {}
-    early: list[Run] = []
-    for run in runs:
-        space = run.space
-        if None in space and run.status != "ok":
-            early.append(run)
-        else:
-            known.setdefault(space, []).append(run)
-    spaces = list(known.values())
-    if not spaces:
-        return [early]
-    spaces[0].extend(early)
-    return spaces
-
-
-def _group(members: Sequence[Run]) -> Group:
-    first = members[0].values
-    model, data, ablation = (str(first.get(name)) for name in ("model", "data", "ablation"))
-    what = ablation.removeprefix(f"{model}__").replace("_", " ")
-    label = model if ablation in ("full", "None") else f"{model}, {what}"
-    group = Group(label, model, data, ablation, is_debug=members[0].is_debug)
-    group.space = max((run.space for run in members), key=lambda space: 2 - space.count(None))
-    for run in sorted(members, key=lambda run: str(run.values.get("finished") or ""), reverse=True):
-        if run.status != "ok":
-            group.unfinished.append(run)
-        elif any(run.seed == newer.seed for newer in group.runs):
-            group.superseded.append(run)
-        else:
-            group.runs.append(run)
-    group.runs.sort(key=lambda run: str(run.seed))
-    return group
-
-
-def _tell_apart(groups: Sequence[Group]) -> None:
-    """Add the settings that differ to the labels of groups that would look alike."""
-    alike: dict[tuple[str, str, bool], list[Group]] = {}
-    for group in groups:
-        alike.setdefault((group.label, group.data, group.is_debug), []).append(group)
-    for same in alike.values():
-        if len(same) < 2:
-            continue
-        runs = [group.members[0] for group in same]
-        differing = {
-            key: [str(value)[:_LONGEST_SETTING] for value in values]
-            for key, values in differences(runs).items()
-            if key in _SPACE or any(key in run.settings() for run in runs)
-        }
-        shown = _telling(differing)
-        for i, group in enumerate(same):
-            parts = [f"{key}={values[i]}" for key, values in differing.items() if key in shown]
-            more = ", …" if any(key not in shown and key not in _SPACE for key in differing) else ""
-            group.label = f"{group.label} [{', '.join(parts)}{more}]"
-
-
-def _telling(differing: Mapping[str, Sequence[str]]) -> list[str]:
-    """The keys that tell all apart, the most telling first, and further settings up to a few."""
-    shown: list[str] = []
-    left = list(differing)
-
-    def told_apart(keys: Sequence[str]) -> int:
-        return len(set(zip(*(differing[key] for key in keys), strict=True)))
-
-    while left:
-        best = max(left, key=lambda key: told_apart([*shown, key]))
-        if shown and told_apart([*shown, best]) == told_apart(shown):
-            break
-        shown.append(best)
-        left.remove(best)
-    settings = [key for key in left if key not in _SPACE]
-    return [*shown, *settings[: max(0, _SETTINGS_IN_A_LABEL - len(shown))]]
-
-
-def differences(runs: Sequence[Run]) -> dict[str, list[Any]]:
-    """What differs between runs: setting, corpus, encoder, commit or version -> value per run.
-
-    Values stand in the order of ``runs``; None where a run does not have the key.
-    """
-    flat = []
-    for run in runs:
-        facts = {
-            "data": run.values.get("data"),
-            "corpus fingerprint": _short(run.values.get("data_fingerprint")),
-            "encoder": _short(run.mapping("encoder").get("sha256")),
-            "commit": _short(run.values.get("commit")),
-            "uncommitted changes": run.values.get("dirty"),
-        }
-        versions = {f"version of {name}": value for name, value in run.mapping("versions").items()}
-        flat.append({**run.settings(), **facts, **versions})
-    keys = dict.fromkeys(key for values in flat for key in values)
-    table = {key: [values.get(key) for values in flat] for key in keys}
-    return {key: values for key, values in table.items() if any(v != values[0] for v in values[1:])}
-
-
-def _short(value: Any) -> str | None:
-    return None if value is None else str(value)[:12]

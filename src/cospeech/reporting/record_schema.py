@@ -18,19 +18,17 @@ _LARGEST = 1e100
 _MOST_EPOCHS = 10**9
 _DEEPEST = 40
 _MOST_SETTINGS = 10_000
+_MOST_NAMED = 3
 
 Check = Callable[[Any, str], Iterator[str]]
 """Yields what is wrong with a value, given the value and its place."""
 
 
-def record_problems(values: Any, most: int = 3) -> list[str]:
+def record_problems(values: Any) -> list[str]:
     """What is wrong with a record's shape, each with its key; empty where it can be relied on.
 
-    Every key may be absent or null; keys that are not known here may hold anything.
-
-    Args:
-        values: What the file holds.
-        most: How many are named.
+    Three are named at most. Every key may be absent or null; keys that are not known here may hold
+    anything.
     """
     if not isinstance(values, Mapping):
         return [f"holds {_kind(values)}, not an object"]
@@ -40,7 +38,7 @@ def record_problems(values: Any, most: int = 3) -> list[str]:
         if values.get(key) is not None
         for problem in check(values[key], key)
     )
-    return list(islice(problems, most))
+    return list(islice(problems, _MOST_NAMED))
 
 
 def _kind(value: Any) -> str:

@@ -10,8 +10,9 @@ from urllib.parse import quote
 
 from cospeech.files import write_text
 from cospeech.reporting.charts import SERIES, Line, line_chart
-from cospeech.reporting.collect import Collection, Group, Run, differences, group_runs, number
-from cospeech.reporting.markup import escaped, html_page, markdown, one_line
+from cospeech.reporting.collect import Collection, Run, number
+from cospeech.reporting.grouping import Group, differences, group_runs
+from cospeech.reporting.markup import escaped, html_page, html_table, markdown, one_line
 from cospeech.reporting.results import Results, results_of
 from cospeech.reporting.tables import (
     MISSING,
@@ -121,30 +122,23 @@ def _apart(groups: Sequence[Group]) -> list[tuple[str, list[tuple[Group, Run]]]]
 def _results_section(results: Results, folder: Path) -> list[str]:
     colours = {id(group): colour for group, colour in _coloured(results.groups)}
     members = [(group, run) for group in results.groups for run in (*group.runs, *group.superseded)]
-    lines = []
+    rows = []
     for row in results.rows:
         group = row.get("group")
-        cells = []
-        for column in results.columns:
-            text = _cell(row.get(column.key))
-            if column.key == "label" and group is not None:
-                text = (
-                    f'<i class="swatch" style="background: var(--{colours[id(group)]})"></i>{text}'
-                )
-            cells.append(f"<td{_number_class(column)}>{text}</td>")
-        lines.append(f"<tr{' class=reference' if group is None else ''}>{''.join(cells)}</tr>")
-    heads = "".join(f"<th{_number_class(c)}>{escaped(c.heading)}</th>" for c in results.columns)
-    table = f"<section><table><tr>{heads}</tr>{''.join(lines)}</table></section>"
+        cells = {column.key: _cell(row.get(column.key)) for column in results.columns}
+        if group is None:
+            cells = {key: f'<span class="muted">{text}</span>' for key, text in cells.items()}
+        elif "label" in cells:
+            cells["label"] = _swatch(colours[id(group)]) + cells["label"]
+        rows.append(list(cells.values()))
+    numbers = [i for i, c in enumerate(results.columns) if c.key not in _TEXT_COLUMNS]
+    table = html_table([escaped(c.heading) for c in results.columns], rows, numbers)
     return [
         f"<h2>{escaped(results.title)}</h2>",
-        table if lines else "",
+        f"<section>{table}</section>" if rows else "",
         _curves(members),
         _runs_table(members, folder, [c for c in results.columns if c.key in ("fgd", "interval")]),
     ]
-
-
-def _number_class(column: Column) -> str:
-    return "" if column.key in _TEXT_COLUMNS else ' class="number"'
 
 
 def _cell(value: Any) -> str:
@@ -207,18 +201,16 @@ def _differences_section(groups: Sequence[Group]) -> list[str]:
     table = differences([group.members[0] for group in groups])
     if not table:
         return []
-    heads = "".join(f"<th>{escaped(group.label)}</th>" for group in groups)
-    lines = "".join(
-        f"<tr><td><code>{escaped(key)}</code></td>"
-        + "".join(f"<td>{escaped(format_value(value))}</td>" for value in values)
-        + "</tr>"
+    heads = ["setting", *(escaped(group.label) for group in groups)]
+    rows = [
+        (f"<code>{escaped(key)}</code>", *(escaped(format_value(value)) for value in values))
         for key, values in list(table.items())[:_MOST_DIFFERENCES]
-    )
+    ]
     more = len(table) - _MOST_DIFFERENCES
     rest = f"<p>and {more:,} more settings</p>" if more > 0 else ""
     return [
         "<h2>Why different: what sets the groups apart</h2>",
-        f"<section><table><tr><th>setting</th>{heads}</tr>{lines}</table>{rest}</section>",
+        f"<section>{html_table(heads, rows)}{rest}</section>",
     ]
 
 
@@ -228,8 +220,7 @@ def _runs_table(
     """Every run with its links, and its own numbers by the recordings protocol."""
     titles = ["run", "status", "seed", "epochs", "time", "commit", "see and hear"]
     titles[3:3] = [column.heading for column in judged_by]
-    heads = "".join(f"<th>{escaped(title)}</th>" for title in titles)
-    lines = []
+    rows = []
     for group, run in members:
         note = " (a newer run of this seed counts)" if run in group.superseded else ""
         error = escaped(_reason(run, ""))
@@ -248,8 +239,9 @@ def _runs_table(
             f"<code>{escaped(commit)}</code>{changed}",
             " ".join(_link(sample, folder) for sample in run.samples()) or MISSING,
         ]
-        lines.append(f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
-    return f"<h3>Runs</h3><section><table><tr>{heads}</tr>{''.join(lines)}</table></section>"
+        rows.append(cells)
+    table = html_table([escaped(title) for title in titles], rows)
+    return f"<h3>Runs</h3><section>{table}</section>"
 
 
 def _link(sample: Path, folder: Path) -> str:

@@ -6,11 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cospeech.reporting.collect import PROTOCOLS, Group, Run, number
+from cospeech.reporting.collect import PROTOCOLS, Run, flatten, number
+from cospeech.reporting.grouping import Group
 from cospeech.reporting.tables import Column, Summary, metric_columns, with_interval
 
 INTERVAL = Column("interval", "95 % over recordings")
 _MOST_OTHER_METRICS = 8
+_OF_FGD = ("fgd_low", "fgd_high")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +52,7 @@ def _results(groups: Sequence[Group]) -> Results:
         for group in groups
         if any(run.final(protocol) for run in group.runs)
     ]
-    # all runs of a corpus and an encoder have the same ones, or an older code's
-    newest = max(runs, key=lambda run: (bool(run.mapping("references")), _finished(run)))
-    for name, values in newest.mapping("references").items():
-        values = values or {}
+    for name, values in _references(runs).items():
         shown = {metric.key: number(values.get(metric.key)) for metric in named}
         interval = with_interval(values).get("interval")
         label = name.replace("_", " ")
@@ -79,6 +78,32 @@ def _row(group: Group, protocol: str, metrics: Sequence[Column]) -> dict[str, An
         "interval": with_interval(one).get("interval"),
         "group": group,
     }
+
+
+def _references(runs: Sequence[Run]) -> dict[str, dict[str, Any]]:
+    """The newest run's reference rows; what it wasn't judged by is of the newest run that was.
+
+    All runs of a corpus, an encoder and a seed of the references have the same, or an older code's.
+    """
+    newest, *older = sorted(
+        runs, key=lambda run: (bool(run.mapping("references")), _finished(run)), reverse=True
+    )
+    rows = {name: dict(values or {}) for name, values in newest.mapping("references").items()}
+    for run in older:
+        if _reference_seed(run) != _reference_seed(newest):
+            continue
+        for name, row in rows.items():
+            values = run.mapping("references").get(name) or {}
+            # an interval belongs to its own FGD
+            ends = _OF_FGD if row.get("fgd") is not None else ()
+            for key, value in values.items():
+                if row.get(key) is None and key not in ends:
+                    row[key] = value
+    return rows
+
+
+def _reference_seed(run: Run) -> Any:
+    return flatten(run.mapping("config")).get("metrics.reference_seed")
 
 
 def _has(run: Run, metric: str) -> bool:

@@ -174,13 +174,12 @@ def format_table(
     return "\n".join([lined_up(headings), rule_line, *(lined_up(line) for line in cells)])
 
 
-def result_table(record: Mapping[str, Any], style: Literal["text", "markdown"] = "text") -> str:
+def result_table(record: Mapping[str, Any]) -> str:
     """One run's final numbers under both protocols, and the reference rows to read them by.
 
     Args:
         record: Values of a ``record.json``, or of an ``evaluation.json``; missing parts are
             left out.
-        style: As for `format_table`.
 
     Returns:
         The table, and a line that says how the numbers came about.
@@ -208,7 +207,7 @@ def result_table(record: Mapping[str, Any], style: Literal["text", "markdown"] =
     windows = _mapping(final.get("recordings")).get("windows")
     if windows is not None:
         facts.append(f"windows: {format_value(windows)}")
-    return f"{format_table(rows, columns, style)}\n\n{one_line(' · '.join(facts))}"
+    return f"{format_table(rows, columns)}\n\n{one_line(' · '.join(facts))}"
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -10,7 +10,7 @@ import soundfile
 import soxr
 from numpy.typing import NDArray
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.foreign import understood
 from cospeech.speech.audio_streams import (
     READABLE,
@@ -97,8 +97,8 @@ def read_audio(
                 f"has channels that cancel each other out (one is inverted?): channel {loudest + 1}"
                 f" of {channels} is used alone"
             )
-    if waveform.size == 0:
-        raise InputFileError(path, "has no audio samples", hint="record or export it again")
+        if waveform.size == 0:
+            raise ContentError("has no audio samples", hint="record or export it again")
     return np.clip(waveform, -1.0, 1.0, out=waveform), oddities
 
 
@@ -121,11 +121,11 @@ def audio_seconds(path: str | Path) -> float:
 
 def _check_is_file(path: Path) -> None:
     if not path.exists():
-        raise InputFileError(path, "no such audio file", hint="check the path")
+        raise ContentError("no such audio file", hint="check the path")
     if not path.is_file():
-        raise InputFileError(path, "is not a file", hint=f"give one {READABLE} file")
+        raise ContentError("is not a file", hint=f"give one {READABLE} file")
     if path.stat().st_size == 0:
-        raise InputFileError(path, "the file is empty (0 bytes)", hint="copy or export it again")
+        raise ContentError("the file is empty (0 bytes)", hint="copy or export it again")
 
 
 def _read(
@@ -147,15 +147,14 @@ def _read(
     with open_sound(path) as stream:
         rate, power = stream.rate, np.zeros(stream.channels + 1)
         if rate not in _RATES_HZ:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"claims a sample rate of {rate} Hz",
                 hint=f"expected {_RATES_HZ.start} to {_RATES_HZ[-1]} Hz; export it at 16000 Hz",
             )
         # SoXR's stream passes audio through untouched when the two rates are equal.
         resampler = soxr.ResampleStream(rate, SAMPLE_RATE, 1, dtype="float32")
         for block in stream.blocks:
-            _check_values(path, block, frames / rate, rate)
+            _check_values(block, frames / rate, rate)
             frames += len(block)
             if frames > longest_s * rate:
                 raise _too_long(path, longest_s, max_duration_s)
@@ -174,34 +173,30 @@ def _read(
     return waveform, power / max(1, frames), oddities
 
 
-def _too_long(path: Path, longest_s: float, max_duration_s: float) -> InputFileError:
+def _too_long(path: Path, longest_s: float, max_duration_s: float) -> ContentError:
     if longest_s < max_duration_s:
-        return InputFileError(
-            path,
+        return ContentError(
             f"claims over {longest_s:.0f} s of sound in {path.stat().st_size} bytes, as no"
             " recording does",
             hint="export it again from the original",
         )
-    return InputFileError(
-        path,
+    return ContentError(
         f"is longer than {max_duration_s / 3600:g} h",
         hint="cut it into parts and load them one by one",
     )
 
 
-def _check_values(path: Path, block: NDArray[np.float32], start_s: float, rate: int) -> None:
+def _check_values(block: NDArray[np.float32], start_s: float, rate: int) -> None:
     is_finite = np.isfinite(block).all(axis=1)
     if not is_finite.all():
-        raise InputFileError(
-            path,
+        raise ContentError(
             "holds NaN or infinite samples",
             place=f"at {start_s + np.argmin(is_finite) / rate:.3f} s",
             hint="export the recording again; no player can play these samples either",
         )
     peak = float(np.abs(block).max(initial=0.0))
     if peak > _INTEGER_LIKE_PEAK:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"float samples reach {peak:.6g}, but full scale is 1",
             place=f"near {start_s:.1f} s",
             hint="integers were saved as floats: divide by 32768 (16 bit) or normalise, save again",

@@ -64,11 +64,6 @@ CEPSTRAL_MEL = MelSpec(fft_samples=512, hop_samples=160, bands=40, lowest_hz=20.
 """A usual choice for MFCC: 32 ms frames, 100 per second."""
 
 
-def frame_times(frames: int, hop_samples: int) -> NDArray[np.float64]:
-    """Centres of the first `frames` frames, in seconds: ``i * hop_samples / 16000``."""
-    return np.arange(frames, dtype=np.float64) * (hop_samples / SAMPLE_RATE)
-
-
 def log_mel(waveform: Waveform, spec: MelSpec = TRIMODAL_MEL) -> Waveform:
     """Mel power spectrogram in dB below the maximum of its clip.
 

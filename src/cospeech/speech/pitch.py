@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from cospeech.speech.band_power import check_waveform
 from cospeech.speech.speech import SAMPLE_RATE
 
 _FRAMES_PER_BLOCK = 512  # bounds memory: about 20 MB at a time, however long the recording
@@ -90,10 +91,7 @@ def f0(waveform: NDArray[np.float32], spec: PitchSpec = SPEECH_PITCH) -> NDArray
     Raises:
         ValueError: The waveform is not a non-empty ``(N,)`` array of floats.
     """
-    if waveform.ndim != 1 or waveform.size == 0 or waveform.dtype.kind != "f":
-        raise ValueError(
-            f"a waveform is (samples,) of floats, got {waveform.dtype} {waveform.shape}"
-        )
+    waveform = check_waveform(waveform)
     frames = 1 + len(waveform) // spec.hop_samples
     signal = waveform - waveform.mean(dtype=np.float64).astype(np.float32)
     peak = float(np.abs(signal).max())

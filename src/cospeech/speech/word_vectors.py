@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.foreign import open_file, understood
 from cospeech.progress import progress_bar
 from cospeech.speech.fasttext_binary import MAGIC, FastTextModel
@@ -82,18 +82,15 @@ def find_word_vectors(
         InputFileError: Missing, compressed, quantised, cut off, or in another format.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputFileError(
-            path,
-            "no such word vectors",
-            hint="download crawl-300d-2M-subword from fasttext.cc and unzip it",
-        )
-    with understood(path, "fastText vectors"), open_file(path) as file:
-        head = file.read(4)
-    if head in _ARCHIVES:
-        raise InputFileError(path, "is compressed", hint=f"{_ARCHIVES[head]} {path.name}")
-    is_binary = int.from_bytes(head, "little") == MAGIC
-    with understood(path, "fastText vectors", hint="get the file again"):
+    with understood(path, "fastText vectors", "get the file again"):
+        if not path.is_file():
+            hint = "download crawl-300d-2M-subword from fasttext.cc and unzip it"
+            raise ContentError("no such word vectors", hint=hint)
+        with open_file(path) as file:
+            head = file.read(4)
+        if head in _ARCHIVES:
+            raise ContentError("is compressed", hint=f"{_ARCHIVES[head]} {path.name}")
+        is_binary = int.from_bytes(head, "little") == MAGIC
         return _from_binary(path, words) if is_binary else _from_text(path, words)
 
 
@@ -105,8 +102,7 @@ def _from_binary(path: Path, words: Sequence[str]) -> tuple[int, dict[str, NDArr
         if vector is not None:
             found[word] = vector
             if not np.isfinite(vector).all():
-                raise InputFileError(
-                    path,
+                raise ContentError(
                     f"the vector of {word!r} is not finite",
                     hint="the file is damaged: get it again",
                 )
@@ -118,33 +114,31 @@ def _from_text(path: Path, words: Sequence[str]) -> tuple[int, dict[str, NDArray
     found: dict[str, NDArray[np.float32]] = {}
     # Gigabytes are read by the line: a small buffer doubles the time that takes.
     with BufferedReader(open_file(path).detach(), _READ_AHEAD_BYTES) as file:
-        total, dimensions = _text_header(path, file.readline(_MAX_LINE_BYTES))
+        total, dimensions = _text_header(file.readline(_MAX_LINE_BYTES))
         number = 1
         lines = iter(partial(file.readline, _MAX_LINE_BYTES if keys else 0), b"")
         for number, line in enumerate(progress_bar(lines, total, f"reading {path.name}"), start=2):
             key, _, values = line.partition(b" ")
             word = keys.get(key)
             if word is not None and word not in found:
-                found[word] = _text_values(path, values, dimensions, number)
+                found[word] = _text_values(values, dimensions, number)
                 if len(found) == len(keys):
                     break
     if len(found) < len(keys) and number - 1 < total:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"ends after {number - 1} of {total} words",
             hint="the download is incomplete: get the file again",
         )
     return dimensions, found
 
 
-def _text_header(path: Path, line: bytes) -> tuple[int, int]:
+def _text_header(line: bytes) -> tuple[int, int]:
     try:
         total, dimensions = (int(field) for field in line.split())
     except ValueError:
         total = dimensions = 0
     if not (0 < total <= _MAX_WORDS and 0 < dimensions <= _MAX_DIMENSIONS):
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"does not begin with a word count and a dimension, but with {line[:40]!r}",
             place="line 1",
             hint="expected fastText vectors, .vec or .bin",
@@ -152,14 +146,13 @@ def _text_header(path: Path, line: bytes) -> tuple[int, int]:
     return total, dimensions
 
 
-def _text_values(path: Path, values: bytes, dimensions: int, number: int) -> NDArray[np.float32]:
+def _text_values(values: bytes, dimensions: int, number: int) -> NDArray[np.float32]:
     try:
         vector = np.array(values.split(), dtype=np.float32)
     except ValueError:
         vector = np.empty(0, dtype=np.float32)
     if vector.shape != (dimensions,) or not np.isfinite(vector).all():
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"expected a word and {dimensions} finite numbers",
             place=f"line {number}",
             hint="the file is damaged: get it again",

@@ -12,7 +12,7 @@ from cospeech.errors import CospeechError
 from cospeech.matching.features import MatchingSpec
 from cospeech.matching.fitting import database_folder, fit_database
 from cospeech.methods.motion_matching import MotionMatching, RefinedMotionMatching
-from cospeech.metrics.gesture_statistics.movement import border_steps
+from cospeech.metrics.movement import border_steps
 from tests.corpora import make_recording, make_store
 from tests.multi_adversary_runs import embedded_store
 

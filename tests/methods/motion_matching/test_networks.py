@@ -170,20 +170,58 @@ def test_impossible_networks():
         Critic(193, width=30)
 
 
-@pytest.mark.parametrize("form", ["code", "paper"])
-def test_a_block_depends_on_its_context_and_no_more(form):
-    """All weights 1 and averages in place of maxima: whatever is looked at has a gradient."""
-    refiner = Refiner(2, 3, width=4, form=form).double().eval()
+def any_refiner(form, residual):
+    """With weights and statistics that training might have led to."""
+    torch.manual_seed(6)
+    refiner = Refiner(2, 3, width=4, form=form, residual=residual)
     for layer in refiner.modules():
-        if isinstance(layer, nn.Conv1d):
-            nn.init.ones_(layer.weight)
-        for name, inner in list(layer.named_children()):
-            if isinstance(inner, nn.MaxPool1d):
-                setattr(layer, name, nn.AvgPool1d(2))
-    poses = torch.ones(1, 400, 3, dtype=torch.double, requires_grad=True)
-    block = refiner(torch.ones(1, 400, 2, dtype=torch.double), poses)[0, 200 : 200 + POOLED]
-    (gradient,) = torch.autograd.grad(block.sum(), poses)
-    seen = gradient[0].abs().sum(dim=1).nonzero()
-    first, last = int(seen.min()), int(seen.max())
-    assert 0 <= first - (200 - refiner.context) < POOLED
-    assert 0 <= 200 + POOLED + refiner.context - 1 - last < POOLED
+        if isinstance(layer, nn.BatchNorm1d):
+            nn.init.normal_(layer.running_mean)
+            nn.init.uniform_(layer.running_var, 0.5, 2)
+        if isinstance(layer, nn.Conv1d | nn.BatchNorm1d):
+            nn.init.normal_(layer.weight)
+            nn.init.normal_(layer.bias)
+    return refiner
+
+
+def shown(refiner, audio, poses, pieces):
+    """What comes of so many pieces of 8 frames at a time, and at the end."""
+    network, whole = refiner.piecewise(), len(poses) // POOLED * POOLED
+    with torch.no_grad():
+        made = [
+            network(audio[first:stop], poses[first:stop], False)
+            for first in range(0, whole, pieces * POOLED)
+            for stop in [min(first + pieces * POOLED, whole)]
+        ]
+        return [*made, network(audio[whole:], poses[whole:], True)]
+
+
+every_refiner = pytest.mark.parametrize(
+    ("form", "residual"), [("code", False), ("code", True), ("paper", False), ("paper", True)]
+)
+
+
+@every_refiner
+@pytest.mark.parametrize("frames", [0, 3, 8, 61, 64, 200])
+def test_pieces_are_refined_to_what_the_whole_is(form, residual, frames):
+    refiner = any_refiner(form, residual).double()
+    audio, poses = (torch.randn(frames, size, dtype=torch.double) for size in (2, 3))
+    made = shown(refiner, audio, poses, 1)
+    assert refiner.training
+    with torch.no_grad():
+        whole = refiner.eval()(audio[None], poses[None])[0] if frames else poses
+    torch.testing.assert_close(torch.cat(made), whole, rtol=1e-9, atol=1e-9)
+    seen = range(POOLED, frames + 1, POOLED)
+    complete = torch.tensor([len(refined) for refined in made[:-1]]).cumsum(0)
+    assert complete.tolist() == [max(0, count - refiner.behind) for count in seen]
+
+
+@every_refiner
+@pytest.mark.parametrize("pieces", [2, 9, 200])
+def test_pieces_are_refined_the_same_to_the_bit_however_many_are_shown_together(
+    form, residual, pieces
+):
+    refiner = any_refiner(form, residual)
+    audio, poses = torch.randn(1003, 2), torch.randn(1003, 3)
+    alone, together = (torch.cat(shown(refiner, audio, poses, n)) for n in (1, pieces))
+    assert torch.equal(alone, together)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from contextlib import closing
 from dataclasses import asdict
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -31,7 +32,7 @@ from cospeech.corpus.synthetic.takes import (
 )
 from cospeech.motion.motion import Motion
 from cospeech.motion.phases import PhaseSegment, frame_phases
-from cospeech.processes import Processes
+from cospeech.processes import in_order
 from cospeech.speech.tts import Utterance, speak_all
 
 GENERATOR_VERSION = "1"
@@ -168,16 +169,9 @@ def _in_order(takes: list[TakePlan], fps: float, workers: int) -> Iterator[Recor
         [(line.sentence.text, line.voice) for take in takes for line in take.lines]
     )
     spoken = ((take, list(islice(utterances, len(take.lines)))) for take in takes)
-    if workers == 1:
-        for take, lines in spoken:
-            yield build_take(take, lines, fps)
-        return
-    with Processes(workers) as pool:
-        waiting: list[Future[Recording]] = []
-        for take, lines in spoken:
-            waiting.append(pool.submit(build_take, take, lines, fps))
-            # a finished take is some ten megabytes: don't run far ahead of the reader
-            if len(waiting) > 2 * workers:
-                yield waiting.pop(0).result()
-        for future in waiting:
-            yield future.result()
+    with closing(in_order(partial(_build, fps=fps), spoken, workers)) as recordings:
+        yield from recordings
+
+
+def _build(spoken: tuple[TakePlan, list[Utterance]], fps: float) -> Recording:
+    return build_take(*spoken, fps)

@@ -62,10 +62,10 @@ class Table:
         distance = self.fields[2 * index] | self.fields[2 * index + 1] << 8
         return self.at + distance if distance else None
 
-    def number(self, index: int, layout: Struct, default: int = 0) -> int:
-        """A scalar field."""
+    def number(self, index: int, layout: Struct) -> int:
+        """A scalar field; 0 when it is absent."""
         at = self.place(index)
-        return default if at is None else unpack(self.data, layout, at)[0]
+        return 0 if at is None else unpack(self.data, layout, at)[0]
 
     def table(self, index: int) -> Table:
         """A sub-table, which must be there."""

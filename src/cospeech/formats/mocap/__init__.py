@@ -11,11 +11,12 @@ from cospeech.formats.mocap.split_list import (
     read_split_list,
     with_split_list,
 )
-from cospeech.formats.mocap.takes import Excerpt, Take, Voice
+from cospeech.formats.mocap.takes import Excerpt, ReadingSettings, Take, Voice
 
 __all__ = [
     "Excerpt",
     "MissingAudio",
+    "ReadingSettings",
     "Take",
     "Voice",
     "find_takes",

@@ -95,19 +95,15 @@ def find_takes(
             problem = f"no {path.stem}.bvh for {path.name}"
         if who is None:
             problem = f"the speaker pattern {speaker!r} does not occur in {path.relative_to(root)}"
-        first = {kind: paths[0] for kind, paths in kinds.items()}
         takes.append(
             Take(
                 name,
                 who or "",
-                first.get("motion"),
-                first.get("audio"),
-                first.get("transcript"),
+                kinds.get("motion", [None])[0],
+                tuple(kinds.get("audio", ())),
+                tuple(kinds.get("transcript", ())),
                 problem,
-                phases=first.get("phases"),
-                other_transcripts=tuple(kinds.get("transcript", ())[1:]),
-                other_phases=tuple(kinds.get("phases", ())[1:]),
-                other_sounds=tuple(kinds.get("audio", ())[1:]),
+                phase_files=tuple(kinds.get("phases", ())),
                 no_audio=no_audio,
             )
         )

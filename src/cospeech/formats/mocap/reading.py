@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,9 @@ from cospeech.formats.mocap.side_files import (
     spoken,
     words_until,
 )
-from cospeech.formats.mocap.takes import Take, Voice
+from cospeech.formats.mocap.takes import AS_FILES_SAY, ReadingSettings, Take, Voice
 from cospeech.formats.phase_files import read_phases
-from cospeech.motion.bvh import UpAxis, read_bvh, read_bvh_skeleton
+from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
 from cospeech.motion.bvh_rate import PLAUSIBLE_FPS
 from cospeech.motion.joint_map import JointMap, find_joint_map
 from cospeech.motion.motion import Motion
@@ -40,61 +40,26 @@ ENOUGH_POSES = 300
 _log = logging.getLogger(__name__)
 
 
-def take_sources(
-    takes: Iterable[Take],
-    *,
-    frame_rate: float | None = None,
-    unit_scale: float | None = None,
-    up_axis: UpAxis = "y",
-    joint_map: JointMap | None = None,
-    licence: str = "",
-    phase_tier: str | None = None,
-    phase_labels: Mapping[str, str] | None = None,
-) -> list[Source]:
+def take_sources(takes: Iterable[Take], settings: ReadingSettings = AS_FILES_SAY) -> list[Source]:
     """A source per take, in the order of the takes.
 
     Args:
         takes: Of `find_takes` or of a corpus's own finder.
-        frame_rate: As for `read_take`, as the others.
-        unit_scale: Metres per BVH unit.
-        up_axis: The vertical of the BVH files.
-        joint_map: Where the evaluation joints are.
-        licence: Licence of takes that have none of their own.
-        phase_tier: Tier or track of the gesture phases in annotation files.
-        phase_labels: What the annotations' own labels mean: text -> phase.
+        settings: How all of them are read.
     """
-    settings: dict[str, Any] = {
-        "frame_rate": frame_rate,
-        "unit_scale": unit_scale,
-        "up_axis": up_axis,
-        "joint_map": joint_map,
-        "licence": licence,
-        "phase_tier": phase_tier,
-        "phase_labels": phase_labels,
-    }
     return [
-        Source(take.id, functools.partial(_read_source, take, **settings), take.files)
+        Source(take.id, functools.partial(_read_source, take, settings), take.files)
         for take in takes
     ]
 
 
-def _read_source(take: Take, **settings: Any) -> list[Recording | Dropped]:
+def _read_source(take: Take, settings: ReadingSettings) -> list[Recording | Dropped]:
     if take.left_out is not None:
         return [Dropped(take.id, take.problem or take.left_out, take.left_out)]
-    return [read_take(take, **settings)]
+    return [read_take(take, settings)]
 
 
-def read_take(
-    take: Take,
-    *,
-    frame_rate: float | None = None,
-    unit_scale: float | None = None,
-    up_axis: UpAxis = "y",
-    joint_map: JointMap | None = None,
-    licence: str = "",
-    phase_tier: str | None = None,
-    phase_labels: Mapping[str, str] | None = None,
-) -> Recording:
+def read_take(take: Take, settings: ReadingSettings = AS_FILES_SAY) -> Recording:
     """Read a take's audio, motion and words, and bring them to one clock and one length.
 
     Motion and audio start where the take's excerpt says; the longer is cut to the shorter. A
@@ -106,13 +71,7 @@ def read_take(
 
     Args:
         take: From `find_takes` or a corpus's own finder.
-        frame_rate: Frames per second of the BVH rows, for files whose header is wrong.
-        unit_scale: Metres per BVH unit; by the joint map when None.
-        up_axis: The vertical of the BVH file (`cospeech.motion.bvh.read_bvh`).
-        joint_map: Found by the skeleton's joints when None.
-        licence: Licence of the data, where the take has none of its own.
-        phase_tier: Tier or track of the gesture phases in annotation files (`read_phases`).
-        phase_labels: What the annotations' own labels mean: text -> phase.
+        settings: How it is read.
 
     Returns:
         Full-skeleton motion at its own rate; the skeleton carries the joint map and its name.
@@ -131,9 +90,7 @@ def read_take(
             )
         raise CospeechError(f"take {take.id} can't be read: {take.problem or 'no motion'}", hint)
     remarks, files = list(take.warnings), [take.motion]
-    motion, first_frame, whole_frames, joint_map = _motion(
-        take, take.motion, frame_rate, unit_scale, up_axis, joint_map, remarks
-    )
+    motion, first_frame, whole_frames, joint_map = _motion(take, take.motion, settings, remarks)
     if take.published_rate is not None and abs(motion.fps - take.published_rate) > 0.01:
         text = (
             f"{take.motion.name} is at {motion.fps:g} fps, the corpus was published at"
@@ -150,7 +107,10 @@ def read_take(
         )
         remarks.append(Remark("silence in the place of sound", text, "data.missing_audio=skip"))
     else:
-        path, waveform = _first_sound(take, remarks)
+        read_sound = functools.partial(_audio, take, remarks=remarks)
+        sound = first_usable(take.sounds, "sound", read_sound, remarks, is_needed=True)
+        assert sound is not None
+        path, waveform = sound
         files.append(path)
     audio_s = len(waveform) / SAMPLE_RATE
     remarks += _length_remarks(take.motion, motion, audio_s)
@@ -165,7 +125,7 @@ def read_take(
     doubts = doubts_about(to_upper_body(poses, joint_map))
     remarks += [Remark("a body that looks wrong", text, LOOK_CLOSER) for text in doubts]
     read_segments = functools.partial(
-        _phases, tier=phase_tier, labels=phase_labels, motion_s=whole_frames / motion.fps
+        _phases, settings=settings, motion_s=whole_frames / motion.fps
     )
     segments = first_usable(take.phase_files, "gesture phases", read_segments, remarks)
     phases = None
@@ -192,17 +152,15 @@ def read_take(
         split=take.split,
         source=" + ".join(path.name for path in files),
         files=tuple(files),
-        licence=take.licence or licence,
+        licence=take.licence or settings.licence,
         interlocutor=interlocutor,
         remarks=tuple(remarks),
     )
 
 
-def _phases(
-    path: Path, *, tier: str | None, labels: Mapping[str, str] | None, motion_s: float
-) -> list[PhaseSegment]:
+def _phases(path: Path, *, settings: ReadingSettings, motion_s: float) -> list[PhaseSegment]:
     """Gesture phases on the clock of a motion file that lasts so long."""
-    segments = read_phases(path, tier, labels)
+    segments = read_phases(path, settings.phase_tier, settings.phase_labels)
     end_s = max((segment.end_s for segment in segments), default=0.0)
     if end_s - motion_s > max(TOLERATED_S, TOLERATED_SHARE * end_s):
         is_milliseconds = 0.5 * motion_s < end_s / 1000 < motion_s + TOLERATED_S
@@ -216,15 +174,10 @@ def _phases(
 
 
 def _motion(
-    take: Take,
-    path: Path,
-    frame_rate: float | None,
-    unit_scale: float | None,
-    up_axis: UpAxis,
-    joint_map: JointMap | None,
-    remarks: list[Remark],
+    take: Take, path: Path, settings: ReadingSettings, remarks: list[Remark]
 ) -> tuple[Motion, int, int, JointMap]:
     """The excerpt's motion, its first frame in the file, the file's frames, and the joint map."""
+    joint_map, unit_scale = settings.joint_map, settings.unit_scale
     if joint_map is None:
         try:
             joint_map = find_joint_map(read_bvh_skeleton(path))
@@ -235,9 +188,9 @@ def _motion(
     warned: list[str] = []
     whole = read_bvh(
         path,
-        frame_rate=frame_rate,
+        frame_rate=settings.frame_rate,
         unit_scale=joint_map.unit_scale if unit_scale is None else unit_scale,
-        up_axis=up_axis,
+        up_axis=settings.up_axis,
         warn=warned.append,
     )
     remarks += [Remark("odd motion file", text, "export it again", path) for text in warned]
@@ -249,30 +202,6 @@ def _motion(
     motion = whole.slice(first, stop) if (first, stop) != (0, len(whole)) else whole
     skeleton = replace(motion.skeleton, name=joint_map.name, joint_map=joint_map)
     return replace(motion, skeleton=skeleton), first, len(whole), joint_map
-
-
-def _first_sound(take: Take, remarks: list[Remark]) -> tuple[Path, NDArray[np.float32]]:
-    """The first sound file that can be read, and its waveform.
-
-    Raises:
-        InputFileError: None can; about the preferred one.
-    """
-    refused: list[InputFileError] = []
-    for path in take.sounds:
-        try:
-            waveform = _audio(take, path, remarks)
-        except InputFileError as error:
-            refused.append(error)
-            continue
-        kind = "a sound file that can't be read; another is"
-        remarks += [
-            Remark(
-                kind, f"{path.name} is used, since {error.problem}", error.hint or "", error.path
-            )
-            for error in refused
-        ]
-        return path, waveform
-    raise refused[0]
 
 
 def _audio(take: Take, path: Path, remarks: list[Remark]) -> NDArray[np.float32]:

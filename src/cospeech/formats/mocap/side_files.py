@@ -21,9 +21,17 @@ T = TypeVar("T")
 
 
 def first_usable(
-    paths: Iterable[Path], what: str, read: Callable[[Path], T], remarks: list[Remark]
+    paths: Iterable[Path],
+    what: str,
+    read: Callable[[Path], T],
+    remarks: list[Remark],
+    is_needed: bool = False,
 ) -> tuple[Path, T] | None:
-    """The first side file that can be used, and what it holds; the others are remarked on."""
+    """The first of several files that can be used, and what it holds; the others are remarked on.
+
+    Raises:
+        CospeechError: It is needed, and none can be used; about the preferred one.
+    """
     refused: list[tuple[Path, CospeechError]] = []
     found: tuple[Path, T] | None = None
     for path in paths:
@@ -33,6 +41,8 @@ def first_usable(
                 break
         except CospeechError as error:
             refused.append((path, error))
+    if found is None and is_needed:
+        raise refused[0][1]
     if found is None:
         kind, so = f"without {what}", f"not used as {what}:"
     else:

@@ -8,9 +8,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from cospeech.errors import CospeechError, InputFileError
-from cospeech.formats.mocap.tables import cell, columns_of, read_table
+from cospeech.errors import ContentError, CospeechError, InputFileError
+from cospeech.foreign import understood
 from cospeech.formats.mocap.takes import Take
+from cospeech.formats.tables import columns_of, read_table
 
 _SPLITS = {
     "train": "train",
@@ -24,6 +25,8 @@ _SPLITS = {
     "tst": "test",
 }
 _UNUSED = {"additional", "none", ""}  # BEAT2: more data that its published split leaves out
+
+_WHAT = "a list of splits"
 
 _log = logging.getLogger(__name__)
 
@@ -46,11 +49,10 @@ def read_split_list(path: str | Path) -> dict[str, str | None]:
     path = Path(path)
     found: dict[str, str | None] = {}
 
-    def put(name: str, split: str | None, where: Path, place: str) -> None:
+    def put(name: str, split: str | None, place: str) -> None:
         if found.setdefault(name, split) != split:
-            raise InputFileError(
-                where, f"{name} is in {found[name]} and in {split}", place, "keep one of the two"
-            )
+            problem = f"{name} is in {found[name]} and in {split}"
+            raise ContentError(problem, place, "keep one of the two")
 
     if path.is_dir():
         files = [p for p in sorted(path.glob("*.txt")) if _SPLITS.get(p.stem.lower())]
@@ -58,17 +60,18 @@ def read_split_list(path: str | Path) -> dict[str, str | None]:
             raise InputFileError(path, "has no train.txt, val.txt or test.txt", None, "check it")
         for file in files:
             for row in read_table(file):
-                put(row.fields[0], _SPLITS[file.stem.lower()], file, row.place)
+                with understood(file, _WHAT):
+                    put(row.fields[0], _SPLITS[file.stem.lower()], row.place)
         return found
     header, *rows = read_table(path)
-    columns = columns_of(path, header, {"id": ("id", "name", "file"), "split": ("type", "split")})
-    for row in rows:
-        name, split = cell(path, row, columns["id"]), cell(path, row, columns["split"]).lower()
-        if split not in _SPLITS and split not in _UNUSED:
-            raise InputFileError(
-                path, f"{name} is of type {split!r}", row.place, "write train, val or test"
-            )
-        put(name, _SPLITS.get(split), path, row.place)
+    with understood(path, _WHAT):
+        columns = columns_of(header, {"id": ("id", "name", "file"), "split": ("type", "split")})
+        for row in rows:
+            name, split = row.cell(columns["id"]), row.cell(columns["split"]).lower()
+            if split not in _SPLITS and split not in _UNUSED:
+                problem = f"{name} is of type {split!r}"
+                raise ContentError(problem, row.place, "write train, val or test")
+            put(name, _SPLITS.get(split), row.place)
     return found
 
 

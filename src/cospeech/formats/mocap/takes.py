@@ -10,6 +10,8 @@ from typing import Any
 
 from cospeech.corpus.recording import Remark
 from cospeech.errors import CospeechError
+from cospeech.motion.bvh import UpAxis
+from cospeech.motion.joint_map import JointMap
 
 
 @dataclass(frozen=True)
@@ -18,18 +20,11 @@ class Voice:
 
     Attributes:
         audio: The sound file, on the clock of the take's own audio.
-        transcript: Its words; None when there are none.
-        other_transcripts: Tried in this order where that can't be used.
+        transcripts: Its words, the preferred first.
     """
 
     audio: Path
-    transcript: Path | None = None
-    other_transcripts: tuple[Path, ...] = ()
-
-    @property
-    def transcripts(self) -> tuple[Path, ...]:
-        """All transcripts, the preferred first."""
-        return _all(self.transcript, self.other_transcripts)
+    transcripts: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,12 +50,13 @@ class Take:
         id: Unique in the corpus; letters, digits, ``-``, ``_``, ``.``.
         speaker: Speaker name.
         motion: The BVH file.
-        audio: The sound file; None where the motion is to be read with silence.
-        transcript: The transcript; None when there is none.
+        sounds: The sound files, the preferred first; the next is tried where one can't be read, and
+            none is where the motion is to be read with silence.
+        transcripts: The transcripts, likewise.
         problem: Why the take can't be used; None when it can.
         left_out: In a word or two, where the corpus itself gives reason not to use the take (the
             sentence is in ``problem``): it is dropped, and that is no mistake.
-        phases: Gesture-phase annotation on the motion's clock (ANVIL, ELAN or csv).
+        phase_files: Gesture-phase annotations on the motion's clock (ANVIL, ELAN or csv), likewise.
         split: ``"train"``, ``"val"`` or ``"test"`` by the corpus's published split.
         interlocutor: The other side of the dialogue.
         excerpt: The part of the files that is used.
@@ -71,20 +67,17 @@ class Take:
         licence: Licence of the corpus.
         tables: Files that say something about the take (splits, offsets, speakers), so that a
             change of theirs makes another corpus.
-        other_transcripts: Tried in this order where ``transcript`` can't be used.
-        other_phases: Tried in this order where ``phases`` can't be used.
-        other_sounds: Tried in this order where ``audio`` can't be read.
         no_audio: That there is no sound file, and what was looked for; empty where there is one.
     """
 
     id: str
     speaker: str
     motion: Path | None
-    audio: Path | None
-    transcript: Path | None = None
+    sounds: tuple[Path, ...] = ()
+    transcripts: tuple[Path, ...] = ()
     problem: str | None = None
     left_out: str | None = None
-    phases: Path | None = None
+    phase_files: tuple[Path, ...] = ()
     split: str | None = None
     interlocutor: Voice | None = None
     excerpt: Excerpt = Excerpt()
@@ -93,9 +86,6 @@ class Take:
     warnings: tuple[Remark, ...] = ()
     licence: str = ""
     tables: tuple[Path, ...] = ()
-    other_transcripts: tuple[Path, ...] = ()
-    other_phases: tuple[Path, ...] = ()
-    other_sounds: tuple[Path, ...] = ()
     no_audio: str = ""
 
     @property
@@ -107,19 +97,9 @@ class Take:
         return path
 
     @property
-    def transcripts(self) -> tuple[Path, ...]:
-        """All transcripts, the preferred first."""
-        return _all(self.transcript, self.other_transcripts)
-
-    @property
-    def sounds(self) -> tuple[Path, ...]:
-        """All sound files, the preferred first."""
-        return _all(self.audio, self.other_sounds)
-
-    @property
-    def phase_files(self) -> tuple[Path, ...]:
-        """All gesture-phase annotations, the preferred first."""
-        return _all(self.phases, self.other_phases)
+    def audio(self) -> Path | None:
+        """The preferred sound file."""
+        return self.sounds[0] if self.sounds else None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -131,8 +111,30 @@ class Take:
         return (*paths, *self.tables)
 
 
-def _all(first: Path | None, others: tuple[Path, ...]) -> tuple[Path, ...]:
-    return () if first is None else (first, *others)
+@dataclass(frozen=True)
+class ReadingSettings:
+    """How the files of takes are read.
+
+    Attributes:
+        joint_map: Where the evaluation joints are; None: found by the joints' names.
+        frame_rate: Frames per second of BVH rows, where the headers are wrong.
+        unit_scale: Metres per unit of BVH files; None: by the joint map.
+        up_axis: Vertical axis of BVH files (`cospeech.motion.bvh.read_bvh`).
+        phase_tier: Tier or track of the gesture phases in annotation files (`read_phases`).
+        phase_labels: What the annotations' own labels mean: text -> phase.
+        licence: Licence of takes that have none of their own.
+    """
+
+    joint_map: JointMap | None = None
+    frame_rate: float | None = None
+    unit_scale: float | None = None
+    up_axis: UpAxis = "y"
+    phase_tier: str | None = None
+    phase_labels: Mapping[str, str] | None = None
+    licence: str = ""
+
+
+AS_FILES_SAY = ReadingSettings()
 
 
 def checked_ids(takes: Iterable[Take]) -> list[Take]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.formats.phase_files.bounded_xml import read_xml
 from cospeech.formats.phase_files.tiers import Entry, Tier, read_time
 
@@ -24,7 +24,7 @@ def read_anvil(path: Path) -> list[Tier]:
     """One tier per track and attribute, in the file's order.
 
     Raises:
-        InputFileError: The file is no ANVIL file, a time is no number, or an element refers to one
+        ContentError: The file is no ANVIL file, a time is no number, or an element refers to one
             that isn't there.
     """
     tracks = {
@@ -34,7 +34,7 @@ def read_anvil(path: Path) -> list[Tier]:
     known: dict[str, _Times] = {}
     tiers: dict[tuple[str, str], Tier] = {}
     for name, track in tracks.items():
-        times, problem = _times(path, name, tracks, known)
+        times, problem = _times(name, tracks, known)
         for i, element in enumerate(track.iterfind("el")):
             for attribute in element.iterfind("attribute"):
                 key = name, attribute.get("name", "")
@@ -46,40 +46,40 @@ def read_anvil(path: Path) -> list[Tier]:
 
 
 def _times(
-    path: Path, name: str, tracks: dict[str, Element], known: dict[str, _Times], depth: int = 0
+    name: str, tracks: dict[str, Element], known: dict[str, _Times], depth: int = 0
 ) -> _Times:
     """(start, end) of every element of a track in seconds, or why they can't be known."""
     if name not in known:
         track = tracks[name]
         kind, ref = track.get("type", "primary").lower(), track.get("ref", "")
         if kind == "primary":
-            known[name] = _own_times(path, name, track), ""
+            known[name] = _own_times(name, track), ""
         elif kind not in ("span", "singleton"):
             known[name] = [], f"its elements have no times of their own (type {kind!r})"
         elif ref not in tracks or depth == MAX_REFERENCES:
             known[name] = [], f"it refers to the track {ref!r}, which can't be followed"
         else:
-            base, problem = _times(path, ref, tracks, known, depth + 1)
+            base, problem = _times(ref, tracks, known, depth + 1)
             known[name] = (
                 ([], f"it refers to the track {ref!r}: {problem}")
                 if problem
-                else (_referred_times(path, name, track, tracks[ref], base), "")
+                else (_referred_times(name, track, tracks[ref], base), "")
             )
     return known[name]
 
 
-def _own_times(path: Path, name: str, track: Element) -> list[tuple[float, float]]:
+def _own_times(name: str, track: Element) -> list[tuple[float, float]]:
     return [
         (
-            read_time(path, element.get("start"), f"track {name}, element {i}"),
-            read_time(path, element.get("end"), f"track {name}, element {i}"),
+            read_time(element.get("start"), f"track {name}, element {i}"),
+            read_time(element.get("end"), f"track {name}, element {i}"),
         )
         for i, element in enumerate(track.iterfind("el"))
     ]
 
 
 def _referred_times(
-    path: Path, name: str, track: Element, base: Element, base_times: list[tuple[float, float]]
+    name: str, track: Element, base: Element, base_times: list[tuple[float, float]]
 ) -> list[tuple[float, float]]:
     by_index = {
         element.get("index", str(i)): times
@@ -90,8 +90,7 @@ def _referred_times(
         first = element.get("start", element.get("ref"))
         last = element.get("end", element.get("ref"))
         if first not in by_index or last not in by_index:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"refers to elements {first!r} to {last!r} of the track {track.get('ref')!r}, which"
                 f" has {len(by_index)}",
                 f"track {name}, element {i}",

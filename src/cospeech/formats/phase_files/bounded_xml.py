@@ -7,7 +7,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.foreign import read_bytes
 from cospeech.formats.phase_files.tiers import MAX_BYTES, MAX_ENTRIES
 
@@ -25,7 +25,7 @@ def read_xml(path: Path, root_tag: str) -> Element:
         root_tag: What the root element must be called.
 
     Raises:
-        InputFileError: It can't be read, isn't well-formed, declares entities, is too large or has
+        ContentError: It can't be read, isn't well-formed, declares entities, is too large or has
             another root element.
     """
     data = read_bytes(path, "an annotation file", MAX_BYTES)
@@ -47,8 +47,8 @@ def read_xml(path: Path, root_tag: str) -> Element:
         depth -= 1
         builder.end(tag)
 
-    def refusal(problem: str) -> InputFileError:
-        return InputFileError(path, problem, place=f"line {parser.CurrentLineNumber}")
+    def refusal(problem: str) -> ContentError:
+        return ContentError(problem, place=f"line {parser.CurrentLineNumber}")
 
     def refuse_entity(*_: Any) -> int:
         raise refusal("declares or uses an XML entity, which no annotation file needs")
@@ -62,12 +62,12 @@ def read_xml(path: Path, root_tag: str) -> Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise InputFileError(
-            path, f"not well-formed XML: {expat.ErrorString(error.code)}", f"line {error.lineno}"
+        raise ContentError(
+            f"not well-formed XML: {expat.ErrorString(error.code)}", f"line {error.lineno}"
         ) from error
     except (LookupError, ValueError) as error:
-        raise InputFileError(path, f"not readable as XML: {error}") from error
+        raise ContentError(f"not readable as XML: {error}") from error
     root = builder.close()
     if root.tag != root_tag:
-        raise InputFileError(path, f"the root element is {root.tag!r}, expected {root_tag!r}")
+        raise ContentError(f"the root element is {root.tag!r}, expected {root_tag!r}")
     return root

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.formats.phase_files.bounded_xml import read_xml
 from cospeech.formats.phase_files.tiers import Entry, Tier, read_time
 
@@ -32,7 +32,7 @@ def read_elan(path: Path) -> list[Tier]:
     the same one share it evenly.
 
     Raises:
-        InputFileError: The file is no ELAN file, its time unit is another than milliseconds, two
+        ContentError: The file is no ELAN file, its time unit is another than milliseconds, two
             annotations have one id, or it can't be told which of several media files has their
             clock.
     """
@@ -40,18 +40,18 @@ def read_elan(path: Path) -> list[Tier]:
     header = document.find("HEADER")
     unit = "milliseconds" if header is None else header.get("TIME_UNITS", "milliseconds")
     if unit != "milliseconds":
-        raise InputFileError(path, f"time unit {unit!r}; only milliseconds are read", "HEADER")
+        raise ContentError(f"time unit {unit!r}; only milliseconds are read", "HEADER")
     origin_s = _time_origin(path, header)
     slots: dict[str, float | None] = {}
     for slot in document.iterfind("TIME_ORDER/TIME_SLOT"):
         name, value = slot.get("TIME_SLOT_ID", ""), slot.get("TIME_VALUE")
-        time_s = None if value is None else read_time(path, value, f"time slot {name}") / 1000
+        time_s = None if value is None else read_time(value, f"time slot {name}") / 1000
         slots[name] = None if time_s is None else time_s + origin_s
     names = [
         annotation.get("ANNOTATION_ID") for annotation in document.iterfind("TIER/ANNOTATION/*")
     ]
     if len(set(names)) < len(names) or None in names:
-        raise InputFileError(path, "annotations without an id of their own")
+        raise ContentError("annotations without an id of their own")
     tiers = [(tier.get("TIER_ID", ""), tier) for tier in document.iterfind("TIER")]
     order = {name: i for i, name in enumerate(slots)}
     times: _Times = {}
@@ -67,13 +67,12 @@ def _time_origin(path: Path, header: Element | None) -> float:
     for descriptor in [] if header is None else header.findall("MEDIA_DESCRIPTOR"):
         url = descriptor.get("RELATIVE_MEDIA_URL") or descriptor.get("MEDIA_URL") or ""
         stem = url.replace("\\", "/").rpartition("/")[2].rpartition(".")[0].lower()
-        origin = read_time(path, descriptor.get("TIME_ORIGIN", "0"), "TIME_ORIGIN") / 1000
+        origin = read_time(descriptor.get("TIME_ORIGIN", "0"), "TIME_ORIGIN") / 1000
         origins.setdefault(stem, set()).add(origin)
     known = origins.get(path.stem.lower()) or set().union(*origins.values()) or {0.0}
     if len(known) > 1:
         starts = ", ".join(f"{origin:g} s" for origin in sorted(known))
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"its media files start at {starts} (TIME_ORIGIN), and none of them alone is called"
             f" {path.stem}",
             "HEADER",

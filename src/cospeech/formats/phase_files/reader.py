@@ -7,13 +7,13 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError, InputFileError
 from cospeech.foreign import understood
 from cospeech.formats.phase_files.anvil import read_anvil
 from cospeech.formats.phase_files.elan import read_elan
 from cospeech.formats.phase_files.hands import are_hands, busier_hand
 from cospeech.formats.phase_files.labels import normalised, phase_meanings
-from cospeech.formats.phase_files.table import read_table
+from cospeech.formats.phase_files.table import read_phase_table
 from cospeech.formats.phase_files.tiers import Entry, Tier
 from cospeech.motion.phases import PHASES, PhaseSegment
 from cospeech.quoting import setting
@@ -21,9 +21,9 @@ from cospeech.quoting import setting
 _READERS: dict[str, Callable[[Path], list[Tier]]] = {
     ".anvil": read_anvil,
     ".eaf": read_elan,
-    ".csv": read_table,
-    ".tsv": read_table,
-    ".txt": read_table,
+    ".csv": read_phase_table,
+    ".tsv": read_phase_table,
+    ".txt": read_phase_table,
 }
 
 _log = logging.getLogger(__name__)
@@ -61,8 +61,8 @@ def read_phases(
         raise InputFileError(path, f"not an annotation file; there are {', '.join(_READERS)}")
     meanings = phase_meanings(labels)
     with understood(path, "an annotation file"):
-        tiers = read(path)
-    hands = [_segments(path, one, meanings) for one in _choose(path, tiers, tier, meanings)]
+        chosen = _choose(read(path), tier, meanings)
+        hands = [_segments(path, one, meanings) for one in chosen]
     return hands[0] if len(hands) == 1 else busier_hand(hands)
 
 
@@ -70,8 +70,7 @@ def _segments(path: Path, tier: Tier, meanings: Mapping[str, str]) -> list[Phase
     segments = []
     for entry in _written(tier):
         if entry.end_s < entry.start_s:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"ends at {entry.end_s:g} s, before it starts at {entry.start_s:g} s",
                 entry.place,
             )
@@ -87,25 +86,22 @@ def _written(tier: Tier) -> list[Entry]:
     return [entry for entry in tier.entries if entry.text]
 
 
-def _choose(
-    path: Path, tiers: Sequence[Tier], wanted: str | None, meanings: Mapping[str, str]
-) -> list[Tier]:
+def _choose(tiers: Sequence[Tier], wanted: str | None, meanings: Mapping[str, str]) -> list[Tier]:
     """The tier of the phases, or one per hand."""
     tiers = [tier for tier in tiers if tier.problem or _written(tier)]
     names = ", ".join(repr(tier.name) for tier in tiers)
     if not tiers:
-        raise InputFileError(path, "holds no annotation")
+        raise ContentError("holds no annotation")
     if wanted is not None:
         tiers = [tier for tier in tiers if wanted in (tier.name, tier.track)]
         if not tiers:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"no tier {wanted!r} with annotations; there are {names}",
                 hint="choose one of them (data.phase_tier)",
             )
     timed = [tier for tier in tiers if not tier.problem]
     if not timed:
-        raise InputFileError(path, tiers[0].problem, f"tier {tiers[0].name}")
+        raise ContentError(tiers[0].problem, f"tier {tiers[0].name}")
     unknown = {
         tier.name: [entry for entry in _written(tier) if normalised(entry.text) not in meanings]
         for tier in timed
@@ -115,23 +111,20 @@ def _choose(
         return fitting
     if fitting:
         several = ", ".join(repr(tier.name) for tier in fitting)
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"several tiers hold gesture phases: {several}",
             hint=f"choose one: {setting('data.phase_tier', fitting[0].name)}",
         )
     if len(timed) == 1:
         first = unknown[timed[0].name][0]
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"{first.text!r} is not a gesture phase; known are {', '.join(PHASES)} and what they"
             " are called in the literature",
             first.place,
             hint=f"say what it means: {_meaning(first)}",
         )
     examples = "; ".join(f"{tier.name!r} has {unknown[tier.name][0].text!r}" for tier in timed[:8])
-    raise InputFileError(
-        path,
+    raise ContentError(
         f"no tier holds gesture phases alone: {examples}",
         hint=f"name the tier ({setting('data.phase_tier', timed[0].name)}), and what its labels"
         f" mean ({_meaning(unknown[timed[0].name][0])}); phases are {', '.join(PHASES)}",

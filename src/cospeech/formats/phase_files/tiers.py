@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 
 MAX_BYTES = 64 * 2**20
 MAX_ENTRIES = 1_000_000
@@ -52,16 +51,16 @@ class Tier:
         return f"{self.track}:{self.attribute}" if self.attribute else self.track
 
 
-def read_time(path: Path, text: str | None, place: str) -> float:
+def read_time(text: str | None, place: str) -> float:
     """A number of seconds.
 
     Raises:
-        InputFileError: It is absent, no number or not finite.
+        ContentError: It is absent, no number or not finite.
     """
     try:
         value = float(text or "")
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputFileError(path, f"{text!r} is not a time in seconds", place)
+        raise ContentError(f"{text!r} is not a time in seconds", place)
     return value

@@ -61,8 +61,6 @@ def write_elan(
     path: str | Path,
     segments: Iterable[PhaseSegment],
     media: Sequence[str | Path] = (),
-    tier: str = "gesture phases",
-    author: str = "cospeech",
 ) -> None:
     """An ELAN document (EAF 3.0) with one tier of phases, which `read_phases` reads.
 
@@ -70,13 +68,11 @@ def write_elan(
         path: An ``.eaf`` file; an existing one is replaced when the new one is complete.
         segments: In order, not overlapping.
         media: Sound or video files to link; ELAN asks for those that it can't find.
-        tier: Name of the tier.
-        author: Who or what made the annotation.
     """
     schema = {
         "xmlns:xsi": _EAF_NAMESPACE,
         "xsi:noNamespaceSchemaLocation": _EAF_SCHEMA,
-        "AUTHOR": author,
+        "AUTHOR": "cospeech",
         "DATE": "1970-01-01T00:00:00+00:00",
         "FORMAT": "3.0",
         "VERSION": "3.0",
@@ -93,7 +89,7 @@ def write_elan(
         )
     slots = ET.SubElement(document, "TIME_ORDER")
     annotations = ET.SubElement(
-        document, "TIER", TIER_ID=tier, LINGUISTIC_TYPE_REF="phase", PARTICIPANT=""
+        document, "TIER", TIER_ID="gesture phases", LINGUISTIC_TYPE_REF="phase", PARTICIPANT=""
     )
     for i, segment in enumerate(segments):
         ends = []

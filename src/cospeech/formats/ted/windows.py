@@ -58,11 +58,6 @@ def spectrogram_columns(frames: int, fps: float = PUBLISHED_RULES.fps) -> int:
     return round((samples - _SPECTROGRAM_WINDOW) / _SPECTROGRAM_HOP + 1)
 
 
-def audio_samples(frames: int, fps: float = PUBLISHED_RULES.fps) -> int:
-    """16 kHz samples that go with so many frames."""
-    return round(frames / fps * SAMPLE_RATE)
-
-
 @dataclass(frozen=True, eq=False)
 class CandidateWindow:
     """One window of a clip, kept or not.

@@ -165,6 +165,30 @@ class FrozenPhaseClassifier(nn.Module):
         return self.network.probabilities(self.network(self.features(joints, pitch)))
 
     @torch.no_grad()
+    def step_probabilities(
+        self, joints: NDArray[np.float32], pitch: NDArray[np.float32] | None
+    ) -> NDArray[np.float32]:
+        """As `class_probabilities`, of one sequence of any length.
+
+        Windows of 5 s overlap, and only the middle of each counts.
+
+        Args:
+            joints: ``(T, J, 3)``, T >= 2, otherwise as there.
+            pitch: ``(T,)``; None for a classifier without pitch.
+
+        Returns:
+            ``(T - 1, K)``.
+        """
+        windows, keep = centred(len(joints), WINDOW_FRAMES)
+        rows, device = torch.from_numpy(windows), self.features.mean.device
+        scores = self.class_probabilities(
+            torch.from_numpy(joints)[rows].to(device),
+            torch.from_numpy(pitch)[rows].to(device) if self.pitch and pitch is not None else None,
+        )
+        chosen: NDArray[np.float32] = scores.cpu().numpy()[keep]
+        return chosen
+
+    @torch.no_grad()
     def probabilities(self, motion: Motion, speech: Speech | None = None) -> NDArray[np.float32]:
         """Class probabilities of every frame of a recording of any length.
 
@@ -189,16 +213,10 @@ class FrozenPhaseClassifier(nn.Module):
                 "this classifier reads the pitch, and there is no speech",
                 "give the audio too, or use a classifier trained with model.pitch=false",
             )
-        device = self.features.mean.device
-        found = []
-        for joints, hertz in zip(sequences.joints, sequences.pitch, strict=True):
-            windows, keep = centred(len(joints), WINDOW_FRAMES)
-            rows = torch.from_numpy(windows)
-            scores = self.class_probabilities(
-                torch.from_numpy(joints)[rows].to(device),
-                None if hertz is None else torch.from_numpy(hertz)[rows].to(device),
-            )
-            found.append(scores.cpu().numpy()[keep])
+        found = [
+            self.step_probabilities(joints, hertz)
+            for joints, hertz in zip(sequences.joints, sequences.pitch, strict=True)
+        ]
         return sequences.placed(found, len(motion), motion.fps)
 
     def label(self, motion: Motion, speech: Speech | None = None) -> NDArray[np.int64]:

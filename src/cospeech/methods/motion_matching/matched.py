@@ -25,7 +25,7 @@ from cospeech.matching.streaming import MatchedPieces
 from cospeech.matching.synthesis import MatchingSettings, MotionMatcher
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.streams import Stream, WholeUtterance
-from cospeech.metrics.gesture_statistics.movement import border_steps
+from cospeech.metrics.movement import border_steps
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import UPPER_BODY
 from cospeech.speech.speech import Speech

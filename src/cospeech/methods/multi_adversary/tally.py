@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, distributed
 
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
-from cospeech.metrics.gesture_statistics.wrists import area_between, median_curve, wrist_velocities
+from cospeech.metrics.movement import area_between, median_curve, wrist_velocities
 
 
 class Tally:

@@ -18,7 +18,7 @@ from cospeech.metrics.beat_consistency.scores import (
     cut_from,
     lift,
 )
-from cospeech.metrics.gesture_statistics.resampling import Array, Estimate, Resampling
+from cospeech.metrics.resampling import Array, Estimate, Resampling
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 

@@ -8,6 +8,7 @@ from cospeech.metrics.encoder.files import (
 )
 from cospeech.metrics.encoder.frozen import GestureEncoder
 from cospeech.metrics.encoder.network import FEATURE_SIZE, POSE_SIZE, PoseAutoencoder
+from cospeech.metrics.encoder.packaged import packaged_encoder
 
 __all__ = [
     "FEATURE_SIZE",
@@ -17,5 +18,6 @@ __all__ = [
     "import_published",
     "load_any",
     "load_encoder",
+    "packaged_encoder",
     "save_encoder",
 ]

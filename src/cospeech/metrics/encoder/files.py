@@ -27,7 +27,8 @@ _LIGHTNING_NETWORK = "network."
 _WHAT = "a gesture encoder"
 _OTHER_ENCODER = (
     "use the auto-encoder published for 34-frame windows with Trimodal Context, or"
-    " metrics.encoder=trained: one is then trained on the store's training split"
+    " metrics.encoder=trained: one is then trained on the store's training split; or"
+    " metrics.encoder=packaged: that of the embedded corpus"
 )
 
 

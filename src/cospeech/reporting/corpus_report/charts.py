@@ -160,14 +160,14 @@ def histogram(
     return inline_svg(figure, "histogram")
 
 
-def length_bar(share: float, style: str = "") -> str:
-    """A bar of HTML as long as a share, 0 to 1, of its place.
+def flagged(text: str, flag: bool) -> str:
+    """Text of a cell, coloured where it stands out."""
+    return f'<span class="flag">{text}</span>' if flag else text
 
-    Args:
-        share: Of the place's width.
-        style: CSS class that says its colour; empty for the usual one.
-    """
-    return f'<i class="length {style}" style="width: {100 * share:.1f}%"></i>'
+
+def length_bar(share: float) -> str:
+    """A bar of HTML as long as a share, 0 to 1, of its place."""
+    return f'<i class="length" style="width: {100 * share:.1f}%"></i>'
 
 
 def range_bar(middle: float, end: float, most: float, style: str) -> str:

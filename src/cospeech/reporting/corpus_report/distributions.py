@@ -25,6 +25,7 @@ from cospeech.reporting.corpus_report.streaming import StreamingHistogram
 from cospeech.reporting.corpus_report.totals import CorpusStatistics
 from cospeech.reporting.corpus_report.unusual import Measure, fences, measures, short
 from cospeech.reporting.figure import PART_COLOURS
+from cospeech.reporting.markup import html_table
 
 _MOST_POSES = 3
 
@@ -186,14 +187,13 @@ def phases_section(store: Store, statistics: CorpusStatistics) -> str:
     if not frames.sum():
         return "<section>No recording has gesture phases.</section>"
     shares = frames / frames.sum()
-    rows = "".join(
-        f'<tr><td>{name.replace("_", " ")}</td><td class="number">{100 * share:.1f} %</td>'
-        f'<td class="bar">{length_bar(share / shares.max())}</td></tr>'
+    rows = [
+        (name.replace("_", " "), f"{100 * share:.1f} %", length_bar(share / shares.max()))
         for name, share in zip(PHASES, shares, strict=True)
         if share
-    )
+    ]
     return (
-        f"<section><table class='dense'>{rows}</table></section><p class='muted'>Share of"
+        f"<section>{html_table([], rows, (1,), 'dense shares')}</section><p class='muted'>Share of"
         f" {int(frames.sum()):,} frames of {statistics.phase_recordings:,} annotated recordings (of"
         f" {len(store.recordings):,}).</p>"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,13 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.motion.motion import Motion
 from cospeech.motion.upper_body import EVALUATION_FPS
+from cospeech.reporting.charts import chart_style, colour, draw_path, inline_svg, pixel_axes
 from cospeech.reporting.figure import PART_COLOURS, Figure, figure_of
 from cospeech.reporting.framing import facing
 from cospeech.reporting.joint_names import LEG, says
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FIGURES = 8
 """Figures along a window."""
@@ -25,6 +30,7 @@ ARMS = ("right_arm", "left_arm")
 
 _MOST_HEIGHT = 150
 _POSE_HEIGHT = 290
+_APART = 30
 
 
 def figure_scale(store: Store, spans: Sequence[Span]) -> float:
@@ -80,62 +86,51 @@ def views(motion: Motion, legs: bool) -> dict[str, NDArray[np.float64]]:
     }
 
 
-def draw_figure(
-    figure: Figure, points: NDArray[np.float64], scale: float, shown: Sequence[str]
-) -> list[str]:
-    """SVG elements of one figure.
+def draw_figures(
+    axes: Axes, figure: Figure, points: NDArray[np.float64], scale: float, shown: Sequence[str]
+) -> None:
+    """Draw figures of one skeleton.
 
     Args:
-        figure: Its bones.
-        points: ``(P, 2)`` what they index, pixels of the picture.
+        axes: In pixels of a page.
+        figure: Their bones.
+        points: ``(F, P, 2)`` what those index, pixels.
         scale: Pixels per metre.
         shown: Which of `PARTS`, from back to front.
     """
-    strokes: dict[tuple[str, float], list[str]] = {}
+    strokes: dict[tuple[str, float], list[list[int]]] = {}
     for limb in figure.limbs:
-        (x1, y1), (x2, y2) = points[limb.upper], points[limb.lower]
         width = float(np.clip(round(110 * limb.radius, 1), 0.9, 4))
-        line = f"M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}"
-        strokes.setdefault((limb.part, width), []).append(line)
-    elements = []
+        strokes.setdefault((limb.part, width), []).append([limb.upper, limb.lower])
     for part in shown:
-        elements += [
-            f'<path class="limb" stroke="{PART_COLOURS[part]}" stroke-width="{width}"'
-            f' d="{"".join(lines)}"/>'
-            for (own, width), lines in strokes.items()
-            if own == part
-        ]
+        ink = PART_COLOURS[part]
+        for (own, width), bones in strokes.items():
+            if own == part:
+                ends, stroke = points[:, bones].reshape(-1, 2, 2), {"ec": ink, "lw": width}
+                draw_path(axes, ends, fill=False, capstyle="round", **stroke)
         for ball in figure.balls:
             if ball.part == part:
-                x, y = points[ball.point]
-                radius = max(ball.radius * scale, 2.5)
-                elements.append(
-                    f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}"'
-                    f' fill="{PART_COLOURS[part]}"/>'
-                )
-    return elements
+                size = 2 * max(ball.radius * scale, 2.5)
+                axes.plot(*points[:, ball.point].T, "o", c=ink, ms=size, mew=0, zorder=1)
 
 
+@chart_style()
 def draw_pose(store: Store, span: Span) -> str:
-    """The middle frame of a span as one SVG: every bone, from the front and the side."""
+    """The middle frame of a span in HTML: every bone, from the front and the side."""
     motion = clip(store, span)
     motion = motion.slice(len(motion) // 2, len(motion) // 2 + 1)
     figure = figure_of(motion)
-    parts, x = [], 0.0
     flats = views(motion, legs=True)
     tallest = max(float(flat[..., 1].max()) for flat in flats.values())
     scale = _POSE_HEIGHT / tallest if tallest > 0 else 1.0
-    for name, flat in flats.items():
-        points = figure.points(flat[0]) * np.array([scale, -scale])
-        left, right = points[:, 0].min() - 30, points[:, 0].max() + 30
-        points += np.array([x - left, _POSE_HEIGHT + 24])
-        parts += draw_figure(figure, points, scale, ("legs", "body", *ARMS))
-        parts.append(
-            f'<text x="{x + (right - left) / 2:.0f}" y="{_POSE_HEIGHT + 46}"'
-            f' text-anchor="middle">{name}</text>'
-        )
-        x += right - left
-    return (
-        f'<svg viewBox="0 0 {x:.0f} {_POSE_HEIGHT + 52}" role="img" class="figures"'
-        f' style="width:{x:.0f}px">{"".join(parts)}</svg>'
-    )
+    poses = [figure.points(flat[0]) * scale for flat in flats.values()]
+    lefts = np.array([pose[:, 0].min() - _APART for pose in poses])
+    widths = [pose[:, 0].max() + _APART for pose in poses] - lefts
+    starts = np.cumsum([0.0, *widths])
+    picture, axes = pixel_axes(starts[-1], _POSE_HEIGHT + 52)
+    places = np.stack([starts[:-1] - lefts, np.full(len(poses), 28.0)], axis=-1)
+    points = np.stack(poses) + places[:, None]
+    draw_figures(axes, figure, points, scale, ("legs", "body", *ARMS))
+    for name, start, width in zip(flats, starts, widths, strict=False):
+        axes.text(start + width / 2, 6, name, ha="center", color=colour("muted"))
+    return f'<div style="width: {starts[-1]:.0f}px">{inline_svg(picture, "figures")}</div>'

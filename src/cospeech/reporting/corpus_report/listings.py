@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+
 import numpy as np
 
 from cospeech.corpus.store import Store
-from cospeech.reporting.corpus_report.charts import (
-    range_bar,
-)
+from cospeech.reporting.corpus_report.charts import flagged, range_bar
 from cospeech.reporting.corpus_report.statistics import MOST_FRAMES
 from cospeech.reporting.corpus_report.totals import CorpusStatistics, JointTotals
 from cospeech.reporting.corpus_report.unusual import (
@@ -18,7 +18,7 @@ from cospeech.reporting.corpus_report.unusual import (
     unusual,
 )
 from cospeech.reporting.joint_names import FINGER, says, side_of
-from cospeech.reporting.markup import escaped
+from cospeech.reporting.markup import escaped, html_table
 from cospeech.reporting.tables import MISSING
 
 _SHOWN_UNUSUAL, _MOST_UNUSUAL = 15, 300
@@ -44,23 +44,30 @@ def unusual_section(store: Store, statistics: CorpusStatistics) -> str:
         return f"<section>None.</section>{note}"
     names = _split_names(store)
     rows = [_unusual_row(store, one, names[one.recording]) for one in found[:_MOST_UNUSUAL]]
-    head = (
-        '<tr><th>recording</th><th>speaker, split</th><th>what</th><th class="number">value</th>'
-        '<th class="number">middle half</th></tr>'
-    )
-    parts = [f"<table class='dense'>{head}{''.join(rows[:_SHOWN_UNUSUAL])}</table>"]
-    if len(rows) > _SHOWN_UNUSUAL:
-        more = f"{len(found) - _SHOWN_UNUSUAL:,} more"
-        if len(found) > _MOST_UNUSUAL:
-            more += f", the {_MOST_UNUSUAL - _SHOWN_UNUSUAL} farthest"
-        parts.append(
-            f"<details><summary>{more}</summary>"
-            f"<table class='dense'>{head}{''.join(rows[_SHOWN_UNUSUAL:])}</table></details>"
-        )
-    return f"<section>{''.join(parts)}</section>{note}"
+    heads = ["recording", "speaker, split", "what", "value", "middle half"]
+    more = f"{len(found) - _SHOWN_UNUSUAL:,} more"
+    if len(found) > _MOST_UNUSUAL:
+        more += f", the {_MOST_UNUSUAL - _SHOWN_UNUSUAL} farthest"
+    table = _dense(heads, rows[:_SHOWN_UNUSUAL], (3, 4), more, rows[_SHOWN_UNUSUAL:])
+    return f"<section>{table}</section>{note}"
 
 
-def _unusual_row(store: Store, one: Unusual, split: str) -> str:
+def _dense(
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    numbers: Collection[int],
+    more: str,
+    others: Sequence[Sequence[str]],
+) -> str:
+    """A table, and one of the other rows that opens at what ``more`` says."""
+    table = html_table(heads, rows, numbers, "dense")
+    if not others:
+        return table
+    hidden = html_table(heads, others, numbers, "dense")
+    return f"{table}<details><summary>{more}</summary>{hidden}</details>"
+
+
+def _unusual_row(store: Store, one: Unusual, split: str) -> tuple[str, ...]:
     stored = store.recordings[one.recording]
     unit = f" {one.measure.unit}" if one.measure.unit else ""
     usual = MISSING
@@ -69,10 +76,11 @@ def _unusual_row(store: Store, one: Unusual, split: str) -> str:
         usual = f"{short(low)} to {short(high)}{unit}"
     what = one.measure.title + (f"<small>{escaped(one.note)}</small>" if one.note else "")
     return (
-        f"<tr><td><code>{escaped(stored.id)}</code></td>"
-        f"<td>{escaped(stored.speaker)}<small>{escaped(split)}</small></td>"
-        f'<td>{what}</td><td class="number flag">{short(one.value)}{unit}</td>'
-        f'<td class="number">{usual}</td></tr>'
+        f"<code>{escaped(stored.id)}</code>",
+        f"{escaped(stored.speaker)}<small>{escaped(split)}</small>",
+        what,
+        flagged(f"{short(one.value)}{unit}", True),
+        usual,
     )
 
 
@@ -120,47 +128,30 @@ def _joint_table(store: Store, skeleton_index: int, totals: JointTotals) -> str:
         low, high = sorted(lengths[list(pair)])
         if high - low > _LOPSIDED * high:
             lopsided.update(pair)
-    rows: dict[bool, list[str]] = {False: [], True: []}
+    rows: dict[bool, list[Sequence[str]]] = {False: [], True: []}
     for j, joint in enumerate(skeleton.joints):
         style = side_of(joint) or "bar"
         bone = [MISSING] * 3
         if skeleton.parents[j] >= 0 and lengths[j] > 0:
             bone = [
-                _flagged(short(lengths[j]), solid and j in lopsided),
-                _flagged(f"{100 * within[j]:.1f} %", solid and within[j] > _STRETCHING),
+                flagged(short(lengths[j]), solid and j in lopsided),
+                flagged(f"{100 * within[j]:.1f} %", solid and within[j] > _STRETCHING),
                 f"{100 * between[j]:.1f} %",
             ]
-        cells = [short(medians[j]), short(ends[j])]
+        speed_bar = range_bar(medians[j], ends[j], float(ends.max()), style)
+        bone_bar = range_bar(lengths[j], lengths[j], float(lengths.max()), style)
         rows[says(joint, FINGER)].append(
-            f"<tr><td>{escaped(joint)}</td>"
-            f"<td>{range_bar(medians[j], ends[j], float(ends.max()), style)}</td>"
-            + "".join(f'<td class="number">{cell}</td>' for cell in cells)
-            + f"<td>{range_bar(lengths[j], lengths[j], float(lengths.max()), style)}</td>"
-            + "".join(f'<td class="number">{cell}</td>' for cell in bone)
-            + "</tr>"
+            [escaped(joint), speed_bar, short(medians[j]), short(ends[j]), bone_bar, *bone]
         )
-    unit = f"{length_unit}/s"
-    head = (
-        f'<tr><th>joint</th><th>speed</th><th class="number">median, {unit}</th>'
-        f'<th class="number">95 %, {unit}</th><th>bone</th>'
-        f'<th class="number">mean, {length_unit}</th><th class="number">varies within</th>'
-        '<th class="number">between</th></tr>'
-    )
-    fingers = (
-        f"<details><summary>{len(rows[True])} finger joints</summary>"
-        f"<table class='dense'>{head}{''.join(rows[True])}</table></details>"
-        if rows[True]
-        else ""
-    )
+    speeds = [f"median, {length_unit}/s", f"95 %, {length_unit}/s"]
+    bones = [f"mean, {length_unit}", "varies within", "between"]
+    heads = ["joint", "speed", *speeds, "bone", *bones]
+    more = f"{len(rows[True])} finger joints"
     return (
         f"<section><h3>{escaped(skeleton.name)}<small>{len(skeleton)} joints,"
         f" {totals.recordings:,} recordings, {totals.frames:,} frames looked at</small></h3>"
-        f"<table class='dense'>{head}{''.join(rows[False])}</table>{fingers}</section>"
+        f"{_dense(heads, rows[False], (2, 3, 5, 6, 7), more, rows[True])}</section>"
     )
-
-
-def _flagged(text: str, flag: bool) -> str:
-    return f'<span class="flag">{text}</span>' if flag else text
 
 
 def words_section(store: Store, statistics: CorpusStatistics) -> str:
@@ -196,36 +187,19 @@ def speakers_section(store: Store, statistics: CorpusStatistics) -> str:
     rows = []
     for speaker in statistics.speakers[:_MOST_SPEAKERS]:
         left, right = (speed * factor for speed in speaker.wrist_speeds)
-        cells = [
-            f"{speaker.recordings:,}",
-            f"{speaker.minutes:.1f}",
-            *(
-                f"{value:.{decimals}f}" if np.isfinite(value) else MISSING
-                for value, decimals in (
-                    (speaker.words_per_minute, 0),
-                    (left, 1),
-                    (right, 1),
-                )
-            ),
-        ]
+        measured = ((speaker.words_per_minute, 0), (left, 1), (right, 1))
         rows.append(
-            f"<tr><td>{escaped(speaker.name)}</td>"
-            f"<td>{escaped(', '.join(speaker.splits)) or MISSING}</td>"
-            f"<td>{range_bar(speaker.minutes, speaker.minutes, most, 'bar')}</td>"
-            + "".join(f'<td class="number">{cell}</td>' for cell in cells)
-            + "</tr>"
+            [
+                escaped(speaker.name),
+                escaped(", ".join(speaker.splits)) or MISSING,
+                range_bar(speaker.minutes, speaker.minutes, most, "bar"),
+                f"{speaker.recordings:,}",
+                f"{speaker.minutes:.1f}",
+                *(f"{v:.{digits}f}" if np.isfinite(v) else MISSING for v, digits in measured),
+            ]
         )
-    head = (
-        '<tr><th>speaker</th><th>splits</th><th></th><th class="number">recordings</th>'
-        '<th class="number">minutes</th><th class="number">words/min</th>'
-        f'<th class="number">left wrist, {unit}</th>'
-        f'<th class="number">right wrist, {unit}</th></tr>'
-    )
-    shown = f"<table class='dense'>{head}{''.join(rows[:_SHOWN_SPEAKERS])}</table>"
-    if len(rows) > _SHOWN_SPEAKERS:
-        count = len(statistics.speakers) - _SHOWN_SPEAKERS
-        shown += (
-            f"<details><summary>{count:,} more speakers</summary>"
-            f"<table class='dense'>{head}{''.join(rows[_SHOWN_SPEAKERS:])}</table></details>"
-        )
-    return f"<section>{shown}</section>"
+    heads = ["speaker", "splits", "", "recordings", "minutes", "words/min"]
+    heads += [f"left wrist, {unit}", f"right wrist, {unit}"]
+    more = f"{len(statistics.speakers) - _SHOWN_SPEAKERS:,} more speakers"
+    shown, others = rows[:_SHOWN_SPEAKERS], rows[_SHOWN_SPEAKERS:]
+    return f"<section>{_dense(heads, shown, range(3, 8), more, others)}</section>"

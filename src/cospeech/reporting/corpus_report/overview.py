@@ -11,10 +11,10 @@ import numpy as np
 
 from cospeech.corpus.store import Store
 from cospeech.motion.upper_body import EVALUATION_FPS
-from cospeech.reporting.corpus_report.charts import length_bar
+from cospeech.reporting.corpus_report.charts import flagged, length_bar
 from cospeech.reporting.corpus_report.statistics import WINDOW_FRAMES, WINDOW_STRIDE
 from cospeech.reporting.corpus_report.totals import CorpusStatistics, SplitTotals
-from cospeech.reporting.markup import escaped
+from cospeech.reporting.markup import escaped, html_table
 from cospeech.reporting.tables import MISSING
 
 _MOST_REASONS = 200
@@ -50,14 +50,7 @@ def splits_section(store: Store, statistics: CorpusStatistics) -> str:
     hours = statistics.total.hours >= 2
     heads = ["split", "recordings", "speakers", "hours" if hours else "minutes"]
     heads += ["words", "words/min", "windows"]
-    rows = [*statistics.splits, statistics.total]
-    lines = [
-        f"<tr{' class=reference' if split is statistics.total else ''}>"
-        f"<td>{escaped(split.name)}</td>"
-        + "".join(f'<td class="number">{cell}</td>' for cell in _split_cells(split, hours))
-        + "</tr>"
-        for split in rows
-    ]
+    rows = [_split_cells(split, hours) for split in (*statistics.splits, statistics.total)]
     grid = store.window_grid
     windows = (
         f"Windows: {WINDOW_FRAMES} frames at {EVALUATION_FPS:g} frames/s, one every"
@@ -79,17 +72,15 @@ def splits_section(store: Store, statistics: CorpusStatistics) -> str:
         if shared
         else "No speaker is in two splits."
     )
-    cells = f"<th>{heads[0]}</th>" + "".join(f'<th class="number">{h}</th>' for h in heads[1:])
-    return (
-        f"<section><table><tr>{cells}</tr>{''.join(lines)}</table></section>"
-        f'<p class="muted">{windows} {overlap}</p>'
-    )
+    table = html_table(heads, rows, range(1, len(heads)), "total")
+    return f'<section>{table}</section><p class="muted">{windows} {overlap}</p>'
 
 
 def _split_cells(split: SplitTotals, hours: bool) -> list[str]:
     pace = split.words_per_minute
     spoken = np.isfinite(pace)
     return [
+        escaped(split.name),
         f"{split.recordings:,}",
         f"{split.speakers:,}",
         f"{split.hours:.2f}" if hours else f"{split.hours * 60:.1f}",
@@ -111,11 +102,10 @@ def dropped_section(store: Store, total: SplitTotals) -> str:
     skipped: list[dict[str, Any]] = store.manifest["skipped"]
     windows: dict[str, int] = store.manifest["dropped_windows"]
     parts = []
-    faults = Counter(one["kind"] for one in skipped if one["is_fault"])
-    rules = Counter(one["kind"] for one in skipped if not one["is_fault"])
-    lines = [("kept", total.recordings, "")]
-    lines += [(kind, count, "") for kind, count in rules.most_common()]
-    lines += [(f"fault: {kind}", count, "flag") for kind, count in faults.most_common()]
+    kinds = Counter((one["is_fault"], one["kind"]) for one in skipped)
+    lines = [("kept", total.recordings, False)]
+    for (fault, kind), count in sorted(kinds.items(), key=lambda item: (item[0][0], -item[1])):
+        lines.append((f"fault: {kind}" if fault else kind, count, fault))
     parts.append(_share_table("recordings", lines))
     if skipped:
         items = "".join(
@@ -129,23 +119,23 @@ def dropped_section(store: Store, total: SplitTotals) -> str:
             f"<ul>{items}</ul>{rest}</details>"
         )
     if windows:
-        lines = [("kept", total.windows, "")]
-        lines += [
-            (reason, count, "") for reason, count in sorted(windows.items(), key=lambda w: -w[1])
-        ]
+        reasons = Counter(windows).most_common()
+        lines = [("kept", total.windows, False), *((why, count, False) for why, count in reasons)]
         parts.append(_share_table("candidate windows", lines))
     if not skipped and not windows:
         return "<section>Nothing was dropped.</section>"
     return f"<section>{''.join(parts)}</section>"
 
 
-def _share_table(noun: str, lines: Sequence[tuple[str, int, str]]) -> str:
+def _share_table(noun: str, lines: Sequence[tuple[str, int, bool]]) -> str:
     whole = sum(count for _, count, _ in lines) or 1
-    rows = "".join(
-        f"<tr><td>{escaped(name)}</td>"
-        f'<td class="number {style}">{count:,}</td>'
-        f'<td class="number">{100 * count / whole:.1f} %</td>'
-        f'<td class="bar">{length_bar(count / whole)}</td></tr>'
-        for name, count, style in lines
-    )
-    return f"<table><tr><th>{noun}</th><th></th><th></th><th></th></tr>{rows}</table>"
+    rows = [
+        (
+            escaped(name),
+            flagged(f"{count:,}", fault),
+            f"{100 * count / whole:.1f} %",
+            length_bar(count / whole),
+        )
+        for name, count, fault in lines
+    ]
+    return html_table([noun, "", "", ""], rows, (1, 2), "shares")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 
 from cospeech.corpus.splits import Span
@@ -26,9 +27,11 @@ from cospeech.reporting.corpus_report.listings import (
 from cospeech.reporting.corpus_report.overview import dropped_section, splits_section, tiles
 from cospeech.reporting.corpus_report.statistics import corpus_statistics
 from cospeech.reporting.corpus_report.windows import choose_windows, draw_window
-from cospeech.reporting.markup import escaped, html_page
+from cospeech.reporting.markup import escaped, html_facts, html_page, html_sections
 
 WINDOWS_DRAWN = 10
+
+_SHEET = files("cospeech.reporting.corpus_report") / "corpus.css"
 
 
 def write_corpus_report(store: Store, path: Path, seed: int = 0) -> None:
@@ -56,16 +59,14 @@ def write_corpus_report(store: Store, path: Path, seed: int = 0) -> None:
         ("speakers", "Speakers", speakers_section(store, statistics)),
         ("made", "How it was made", _made(store)),
     ]
-    links = "\n".join(f'<a href="#{key}">{title}</a>' for key, title, _ in sections)
     name = escaped(store.name)
     body = [
         f"<h1>{name}</h1>",
         f'<p class="muted">{_subtitle(store)}</p>',
         tiles(store, statistics),
-        f"<nav>{links}</nav>",
-        *(f'<h2 id="{key}">{title}</h2>{content}' for key, title, content in sections),
+        *html_sections(sections),
     ]
-    write_text(path, html_page(f"{name}: corpus", body, "corpus_report/corpus.css"))
+    write_text(path, html_page(f"{name}: corpus", body, _SHEET))
 
 
 def _subtitle(store: Store) -> str:
@@ -146,17 +147,9 @@ def _made(store: Store) -> str:
         ("skeletons", _skeleton_names(store)),
         ("audio", sound),
         ("dialogue", f"the other side is there in {dialogues:,} recordings"),
-        ("settings", json.dumps(manifest["parameters"], indent=1, ensure_ascii=False)),
     ]
-    rows = "".join(
-        f"<dt>{key}</dt><dd>"
-        + (
-            f"<details><summary>what the fingerprint covers</summary><pre>"
-            f"{escaped(value[:20_000])}</pre></details>"
-            if key == "settings"
-            else escaped(value)
-        )
-        + "</dd>"
-        for key, value in facts
-    )
-    return f'<section><dl class="facts">{rows}</dl></section>'
+    covered = "<details><summary>what the fingerprint covers</summary><pre>{}</pre></details>"
+    settings = json.dumps(manifest["parameters"], indent=1, ensure_ascii=False)[:20_000]
+    shown = [(key, escaped(value)) for key, value in facts]
+    listed = html_facts([*shown, ("settings", covered.format(escaped(settings)))])
+    return f"<section>{listed}</section>"

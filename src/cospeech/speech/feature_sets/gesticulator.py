@@ -68,9 +68,3 @@ def gesticulator_log_mel(
         slaney_bands(_FFT_SAMPLES, _RATE, BANDS, _LOWEST_HZ, _HIGHEST_HZ),
     )
     return np.log(power + _SMALLEST_POWER)
-
-
-def frame_times(frames: int, *, published_hop: bool = False) -> NDArray[np.float64]:
-    """Centres of the first frames in seconds: ``i / 20``, or ``1102 i / 22050`` as published."""
-    index = np.arange(frames, dtype=np.float64)
-    return index * _PUBLISHED_HOP_SAMPLES / _RATE if published_hop else index / FPS

@@ -12,42 +12,17 @@ from cospeech.speech.transcript.lines import number
 _STARTS = frozenset({"start", "begin", "onset", "tmin", "xmin", "from", "starttime", "begintime"})
 _ENDS = frozenset({"end", "stop", "offset", "tmax", "xmax", "to", "endtime", "stoptime"})
 _DURATIONS = frozenset({"dur", "duration"})
-_QUALIFIERS = frozenset(
-    {
-        "time",
-        "s",
-        "ms",
-        "sec",
-        "secs",
-        "seconds",
-        "msec",
-        "millis",
-        "milliseconds",
-        "hh",
-        "mm",
-        "ss",
-    }
-)
+_SECONDS = frozenset({"s", "sec", "secs", "seconds"})
+_MILLISECONDS = frozenset({"ms", "msec", "millis", "milliseconds"})
+_QUALIFIERS = frozenset({"time", "hh", "mm", "ss"}) | _SECONDS | _MILLISECONDS
 _LETTERS = re.compile("[a-z]+")
 _TIERS = ("tier", "tier name", "tiername")
-_TEXTS = (
-    "word",
-    "words",
-    "text",
-    "label",
-    "labels",
-    "value",
-    "annotation",
-    "transcript",
-    "transcription",
-    "token",
-    "content",
-    "utterance",
-    "orthography",
-)
+_TEXT_NAMES = """
+    word words text label labels value annotation transcript transcription token content utterance
+    orthography
+"""
+_TEXTS = frozenset(_TEXT_NAMES.split())
 _NO_TEXTS = (*_TIERS, "participant", "speaker", "annotator", "id", "confidence", "score", "file")
-_MILLISECONDS = frozenset({"ms", "msec", "millis", "milliseconds"})
-_SECONDS = frozenset({"s", "sec", "secs", "seconds"})
 _MOST_COLUMNS = 24
 _EQUAL_S, _EQUAL_UNITS = 0.011, 1.001
 

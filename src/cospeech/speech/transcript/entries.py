@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.speech import Word
 
 Timing = Literal["words", "spread"]
@@ -49,6 +49,16 @@ class Entry:
     place: str
     is_phrase: bool = False
 
+    @property
+    def is_timed(self) -> bool:
+        """Whether a time of it is known."""
+        return self.start is not None or self.end is not None
+
+    def retimed(self, change: Callable[[float], float]) -> Entry:
+        """The entry with other times in the place of those that are known."""
+        start, end = (None if time is None else change(time) for time in (self.start, self.end))
+        return replace(self, start=start, end=end)
+
 
 @dataclass(frozen=True)
 class Entries:
@@ -66,15 +76,14 @@ class Entries:
     are_seconds: bool = False
 
 
-def require_few(path: Path, count: int, most: int = MOST_ENTRIES) -> None:
+def require_few(count: int, most: int = MOST_ENTRIES) -> None:
     """Refuse a file of more words than anybody says.
 
     Raises:
-        InputFileError: It has more.
+        ContentError: It has more.
     """
     if count > most:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"holds more than {most} words",
             hint="give the transcript of one recording",
         )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, Entry, require_few
 
 _MAX_LINE_CHARACTERS = 5_000
@@ -18,19 +17,18 @@ _CONTROL = {"n": "\n", "t": "\t", "r": "\r", "b": "", "f": ""}
 _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
-def numbered_lines(path: Path, text: str, blank: bool = False) -> Iterator[tuple[str, str]]:
+def numbered_lines(text: str, blank: bool = False) -> Iterator[tuple[str, str]]:
     """Lines with their place, e.g. ("line 3", "0.1 0.2 word"); blank ones only where asked for.
 
     Raises:
-        InputFileError: A line is absurdly long, or there are absurdly many.
+        ContentError: A line is absurdly long, or there are absurdly many.
     """
     for number, line in enumerate(text.splitlines(), start=1):
         if number > _MOST_LINES:
             problem, hint = f"more than {_MOST_LINES} lines", "give the transcript of one recording"
-            raise InputFileError(path, problem, hint=hint)
+            raise ContentError(problem, hint=hint)
         if len(line) > _MAX_LINE_CHARACTERS:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"a line of {len(line)} characters",
                 place=f"line {number}",
                 hint="one word per line is expected",
@@ -64,19 +62,18 @@ def is_bracketed(line: str) -> bool:
     )
 
 
-def parse_bracketed(path: Path, text: str) -> Entries:
+def parse_bracketed(text: str) -> Entries:
     """``['word', start, end]`` in seconds, a Python or JSON list per line (TED-culture).
 
     Raises:
-        InputFileError: A line is something else.
+        ContentError: A line is something else.
     """
     entries: list[Entry] = []
-    for place, line in numbered_lines(path, text):
-        require_few(path, len(entries))
+    for place, line in numbered_lines(text):
+        require_few(len(entries))
         entry = _bracketed(line.strip().rstrip(","), place)
         if entry is None:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"expected ['word', start, end], found {line.strip()[:60]!r}",
                 place,
                 "one such list per line, times in seconds",

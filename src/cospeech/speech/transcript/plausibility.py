@@ -9,9 +9,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript.entries import Entry, counted
 from cospeech.speech.transcript.labels import (
@@ -23,7 +22,7 @@ from cospeech.speech.transcript.labels import (
     without_markup,
     without_speakers,
 )
-from cospeech.speech.transcript.spreading import TYPICAL_LETTER_S, letters
+from cospeech.speech.transcript.spreading import TYPICAL_LETTER_S, lay_out, letters
 from cospeech.speech.transcript.units import median_word
 
 MAX_WORD_CHARACTERS = 1_000
@@ -43,14 +42,14 @@ _ROUNDING_S = 1e-3  # an end this much before its start is rounding in the file,
 _FEWEST = 4  # words from which "most of them" means something
 
 
-def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], list[str]]:
+def spoken_entries(entries: Iterable[Entry]) -> tuple[list[Entry], list[str]]:
     """The entries that are words, without markup, each once; and notes on what was left out.
 
     Silences and lone punctuation are left out without a note. A time that is not a number is
     unknown.
 
     Raises:
-        InputFileError: A time is infinite, huge or reversed, or the words are phones, phases of
+        ContentError: A time is infinite, huge or reversed, or the words are phones, phases of
             gestures or emotions.
     """
     spoken: list[Entry] = []
@@ -69,7 +68,7 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
         clocks += times
         if not is_spoken(text):
             continue
-        start, end = _checked_times(path, entry)
+        start, end = _checked_times(entry)
         key = (text, start, end)
         if start is not None and key in seen:
             repeated += 1
@@ -78,15 +77,13 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
         spoken.append(Entry(text, start, end, entry.place, entry.is_phrase))
     if are_phones(entry.text for entry in spoken if not entry.is_phrase):
         sample = " ".join(entry.text for entry in spoken[:8])
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"holds phones and no words ({sample} ...)",
             hint="give the aligner's file with the tier of the words, called 'words'",
         )
     if are_annotations(entry.text for entry in spoken):
         sample = " ".join(entry.text for entry in spoken[:8])
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"holds phases of gestures or emotions and no words ({sample})",
             hint="give a file with the words that are said",
         )
@@ -106,23 +103,21 @@ def spoken_entries(path: Path, entries: Iterable[Entry]) -> tuple[list[Entry], l
     return spoken, notes
 
 
-def _checked_times(path: Path, entry: Entry) -> tuple[float | None, float | None]:
+def _checked_times(entry: Entry) -> tuple[float | None, float | None]:
     text = entry.text.strip()[:40]
     start, end = (
         None if time is None or math.isnan(time) else time for time in (entry.start, entry.end)
     )
     for time in (start, end):
         if time is not None and not abs(time) <= MAX_TIME:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"the time of {text!r} is {time}",
                 place=entry.place,
                 hint="times are seconds from the start of the recording",
             )
     if start is not None and end is not None and end < start:
         if start - end > _ROUNDING_S:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"{text!r} ends at {end:g} s, before it starts at {start:g} s",
                 place=entry.place,
                 hint="correct the two times",
@@ -132,18 +127,17 @@ def _checked_times(path: Path, entry: Entry) -> tuple[float | None, float | None
 
 
 def plausible_words(
-    path: Path, entries: Sequence[Entry], duration_s: float | None, goes_on: bool
+    entries: Sequence[Entry], duration_s: float | None, goes_on: bool
 ) -> tuple[tuple[Word, ...], list[str]]:
     """Words with times that speech can have, in order of onset, and notes on what was changed.
 
     Args:
-        path: For messages.
         entries: One word each, with both times in seconds.
         duration_s: Length of the sound, s.
         goes_on: The sound is a part of what the file is about: words beyond it are no fault.
 
     Raises:
-        InputFileError: A word is absurdly long, or most words lie beyond the sound, overlap, or
+        ContentError: A word is absurdly long, or most words lie beyond the sound, overlap, or
             last a few milliseconds.
     """
     words = []
@@ -151,15 +145,13 @@ def plausible_words(
         assert entry.start is not None  # filled in by now
         assert entry.end is not None
         if len(entry.text) > MAX_WORD_CHARACTERS:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"a word of {len(entry.text)} letters ({entry.text[:40]!r}...)",
                 place=entry.place,
                 hint="one word per entry is expected",
             )
         if max(abs(entry.start), abs(entry.end)) > MAX_TIME_S:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"the times of {entry.text[:40]!r} are {entry.start:g} and {entry.end:g} s",
                 place=entry.place,
                 hint="times are seconds from the start of the recording",
@@ -169,19 +161,19 @@ def plausible_words(
     notes: list[str] = []
     if not words:
         return (), notes
-    _require_pace(path, entries, words)
+    _require_pace(entries, words)
     if goes_on:
         duration_s = None
     if duration_s is not None:
-        words = _within(path, words, duration_s, notes)
+        words = _within(words, duration_s, notes)
     return tuple(_lengthened(words, duration_s, notes)), notes
 
 
-def require_columns(path: Path, entries: Sequence[Entry]) -> None:
+def require_columns(entries: Sequence[Entry]) -> None:
     """Refuse times of which most overlap: a column is taken for what it isn't.
 
     Raises:
-        InputFileError: So it is.
+        ContentError: So it is.
     """
     timed = sorted(
         (entry.start, entry.end, entry.text)
@@ -195,8 +187,7 @@ def require_columns(path: Path, entries: Sequence[Entry]) -> None:
     ]
     if len(timed) >= _FEWEST and len(overlapping) > 0.6 * (len(timed) - 1):
         (start, end, text), (next_start, next_end, next_text) = overlapping[0]
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"most words overlap, e.g. {text[:40]!r} ({start:g} to {end:g}) and"
             f" {next_text[:40]!r} ({next_start:g} to {next_end:g})",
             hint="do its columns fit the format (TSV: start, end, word; CTM: recording, channel,"
@@ -204,18 +195,17 @@ def require_columns(path: Path, entries: Sequence[Entry]) -> None:
         )
 
 
-def _require_pace(path: Path, entries: Sequence[Entry], words: Sequence[Word]) -> None:
+def _require_pace(entries: Sequence[Entry], words: Sequence[Word]) -> None:
     median = median_word(entries) or 0.0
     span = words[-1].end - words[0].start
     if len(words) >= _FEWEST and max(median, 0.5 * span / len(words)) < SHORTEST_WORD_S:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"its times are no seconds: {len(words)} words within {span:g} s",
             hint="convert them to seconds (minutes: multiply by 60)",
         )
 
 
-def _within(path: Path, words: list[Word], duration_s: float, notes: list[str]) -> list[Word]:
+def _within(words: list[Word], duration_s: float, notes: list[str]) -> list[Word]:
     """The words that lie within the sound, at least in part."""
     first, last = words[0].start, max(word.end for word in words)
     after = [word for word in words if word.start >= duration_s]
@@ -227,8 +217,7 @@ def _within(path: Path, words: list[Word], duration_s: float, notes: list[str]) 
             if len(after) >= len(before)
             else f"starts at {first:.1f} s, before the sound"
         )
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"{where} ({lost} of {counted(len(words), 'word')} lie outside it)",
             hint="give the transcript of this recording; if the sound was cut out of a longer one,"
             " cut the transcript too, with times from the start of the sound",
@@ -281,7 +270,7 @@ def _lengthened(words: list[Word], duration_s: float | None, notes: list[str]) -
             room = max(SHORTEST_WORD_S, duration_s - start)
             run = run[: max(1, int(room / SHORTEST_WORD_S))]
             end = min(end, start + room)
-        result += _shared(run, start, end)
+        result += lay_out(run, start, end)
         moved += len(run)
         lost += stop - index - len(run)
         index = stop
@@ -296,18 +285,3 @@ def _lengthened(words: list[Word], duration_s: float | None, notes: list[str]) -
             " there is no time before the end of the sound"
         )
     return result
-
-
-def _shared(run: Sequence[Word], start: float, end: float) -> list[Word]:
-    weights = [max(1, letters(word.text)) for word in run]
-    total, done, shared = sum(weights), 0, []
-    for word, weight in zip(run, weights, strict=True):
-        shared.append(
-            Word(
-                word.text,
-                start + (end - start) * done / total,
-                start + (end - start) * (done + weight) / total,
-            )
-        )
-        done += weight
-    return shared

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.foreign import read_bytes, understood
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript.entries import (
@@ -32,7 +32,7 @@ from cospeech.speech.transcript.units import in_seconds
 MAX_FILE_BYTES = 16 * 2**20
 """Largest transcript that is read: some forty hours of talk in the most wordy format."""
 
-_Parser = Callable[[Path, str], Entries]
+_Parser = Callable[[str], Entries]
 
 _BY_SUFFIX: dict[str, _Parser] = {
     ".textgrid": parse_textgrid,
@@ -84,7 +84,7 @@ def read_transcript_with_timing(
         goes_on: The sound is a part of what the file is about, and words beyond it are no fault.
 
     Raises:
-        InputFileError: Missing, broken, of unknown format, not empty and without a word, or with
+        ContentError: Missing, broken, of unknown format, not empty and without a word, or with
             times that its words can't have. Names the line or entry.
     """
     path = Path(path)
@@ -93,30 +93,29 @@ def read_transcript_with_timing(
         if not text.strip():
             return Transcript((), "words", ("the file is empty: nobody speaks",))
         parser = _parser_for(path, text)
-        found = _plain(path, text, duration_s) if parser is None else parser(path, text)
-        _require_bounded(path, found.entries)
-        entries, notes = spoken_entries(path, found.entries)
+        found = _plain(text, duration_s) if parser is None else parser(text)
+        _require_bounded(found.entries)
+        entries, notes = spoken_entries(found.entries)
         notes = [*found.notes, *notes]
-        require_columns(path, entries)
+        require_columns(entries)
         if not found.are_seconds:
-            entries, more = in_seconds(path, entries, None if goes_on else duration_s)
+            entries, more = in_seconds(entries, None if goes_on else duration_s)
             notes += more
         if entries:
-            entries, more = fill_in_times(path, entries)
+            entries, more = fill_in_times(entries)
             notes += more
-        entries, spread = _spread(path, entries)
-        words, more = plausible_words(path, entries, duration_s, goes_on)
+        entries, spread = _spread(entries)
+        words, more = plausible_words(entries, duration_s, goes_on)
         if not words:
-            raise InputFileError(path, "no word in the transcript", hint=_AUDIO_ALONE)
+            raise ContentError("no word in the transcript", hint=_AUDIO_ALONE)
         timing: Timing = "spread" if spread > 0.5 * len(entries) else "words"
         return Transcript(words, timing, (*notes, *more))
 
 
-def _plain(path: Path, text: str, duration_s: float | None) -> Entries:
-    _require_prose(path, text)
+def _plain(text: str, duration_s: float | None) -> Entries:
+    _require_prose(text)
     if duration_s is None:
-        raise InputFileError(
-            path,
+        raise ContentError(
             "is plain text without word times",
             hint="give the recording's duration to have the words spread over it, or align "
             "them (e.g. Montreal Forced Aligner, Gentle, Whisper) and pass its output",
@@ -124,7 +123,7 @@ def _plain(path: Path, text: str, duration_s: float | None) -> Entries:
     return Entries((Entry(text, 0.0, duration_s, "the text", is_phrase=True),), are_seconds=True)
 
 
-def _require_prose(path: Path, text: str) -> None:
+def _require_prose(text: str) -> None:
     times = times_within(text)
     lines = [line for line in text.splitlines() if line.strip()]
     timed = sum(bool(times_within(line)) for line in lines)
@@ -137,22 +136,21 @@ def _require_prose(path: Path, text: str) -> None:
         what = "XML"
     else:
         return
-    raise InputFileError(
-        path,
+    raise ContentError(
         f"looks like {what} in a format that is not known, not like plain text",
         hint="save it as SRT, as a TextGrid, or as a table with the columns start, end and"
         " word, separated by tabs, in seconds; or keep the text alone",
     )
 
 
-def _require_bounded(path: Path, entries: Sequence[Entry]) -> None:
-    require_few(path, len(entries))
+def _require_bounded(entries: Sequence[Entry]) -> None:
+    require_few(len(entries))
     for entry in entries:
         if len(entry.text) > MOST_ENTRIES:
-            require_few(path, len(entry.text.split(None, MOST_ENTRIES + 1)))
+            require_few(len(entry.text.split(None, MOST_ENTRIES + 1)))
 
 
-def _spread(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], int]:
+def _spread(entries: Sequence[Entry]) -> tuple[list[Entry], int]:
     """Entries of one word each, and how many of them share a time with others."""
     words: list[Entry] = []
     spread = 0
@@ -165,38 +163,35 @@ def _spread(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], int]:
         several = spread_text(entry.text, entry.start, entry.end)
         words += [Entry(word.text, word.start, word.end, entry.place) for word in several]
         spread += len(several)
-        require_few(path, len(words))
+        require_few(len(words))
     return words, spread
 
 
 def _read_text(path: Path) -> str:
     if not path.exists():
-        raise InputFileError(path, "no such transcript", hint=f"check the path; {_AUDIO_ALONE}")
+        raise ContentError("no such transcript", hint=f"check the path; {_AUDIO_ALONE}")
     raw = read_bytes(path, _WHAT, MAX_FILE_BYTES, "give the transcript of one recording")
     is_utf16 = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
         text = raw.decode("utf-16" if is_utf16 else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"is neither UTF-8 nor UTF-16 text (byte {error.start} is {raw[error.start]:#04x})",
             hint=f"save it as UTF-8, e.g. iconv -f latin1 -t utf-8 {path.name} > utf8-{path.name}",
         ) from error
     if text.startswith("ooBinaryFile"):
-        raise InputFileError(
-            path,
+        raise ContentError(
             "is a TextGrid in Praat's binary form",
             hint="in Praat: select the TextGrid, Save as text file",
         )
     if _CHAT.search(text):
-        raise InputFileError(
-            path,
+        raise ContentError(
             "is a CHAT transcript",
             hint="convert it with CLAN: chat2praat makes a TextGrid of it, chat2srt subtitles",
         )
     if "\0" in text:
-        raise InputFileError(
-            path, "is a binary file", hint="give a TextGrid, JSON, TSV, CTM, SRT, VTT or txt file"
+        raise ContentError(
+            "is a binary file", hint="give a TextGrid, JSON, TSV, CTM, SRT, VTT or txt file"
         )
     return text
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
+from itertools import accumulate, pairwise
+from typing import TypeVar
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.speech import Word
 from cospeech.speech.transcript.entries import Entry, counted
+
+Timed = TypeVar("Timed", Word, Entry)
 
 TYPICAL_LETTER_S = 0.07
 """English at about 180 words per minute; used where no word is timed, s."""
@@ -30,23 +33,11 @@ def spread_text(text: str, start: float, end: float) -> tuple[Word, ...]:
         start: Where the first word starts, s.
         end: Where the last word ends, s.
     """
-    words = [word for word in text.split() if letters(word)]
-    total = sum(letters(word) for word in words)
-    spread, before = [], 0
-    for word in words:
-        after = before + letters(word)
-        spread.append(
-            Word(
-                word,
-                start + (end - start) * before / total,
-                start + (end - start) * after / total,
-            )
-        )
-        before = after
-    return tuple(spread)
+    words = [Word(word, start, end) for word in text.split() if letters(word)]
+    return tuple(lay_out(words, start, end))
 
 
-def fill_in_times(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
+def fill_in_times(entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
     """Give every entry a start and an end; and a note on how many had none.
 
     Words an aligner could not find share the gap between their timed neighbours in proportion to
@@ -55,11 +46,10 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], li
     the other end of a word with one time, which no neighbour's start is beyond.
 
     Args:
-        path: For messages.
         entries: In spoken order.
 
     Raises:
-        InputFileError: No entry has a time.
+        ContentError: No entry has a time.
     """
     incomplete = sum(entry.start is None or entry.end is None for entry in entries)
     if not incomplete:
@@ -71,8 +61,7 @@ def fill_in_times(path: Path, entries: Sequence[Entry]) -> tuple[list[Entry], li
     ]
     is_timed = [entry.start is not None for entry in filled]
     if not any(is_timed):
-        raise InputFileError(
-            path,
+        raise ContentError(
             "no word in it has a time",
             hint="align the text with the audio (e.g. with the Montreal Forced Aligner), or give "
             "the text as a .txt file to have it spread over the audio",
@@ -113,16 +102,14 @@ def _between(
     return lay_out(run, start, end)
 
 
-def lay_out(run: Sequence[Entry], start: float, end: float) -> list[Entry]:
-    """Entries that share a time, s, in proportion to their letters."""
-    weights = [max(1, letters(entry.text)) for entry in run]
-    laid_out, done = [], 0
-    for entry, weight in zip(run, weights, strict=True):
-        share_start = start + (end - start) * done / sum(weights)
-        done += weight
-        share_end = start + (end - start) * done / sum(weights)
-        laid_out.append(replace(entry, start=share_start, end=share_end))
-    return laid_out
+def lay_out(run: Sequence[Timed], start: float, end: float) -> list[Timed]:
+    """Words or entries that share a time, s, in proportion to their letters."""
+    done = list(accumulate((max(1, letters(one.text)) for one in run), initial=0))
+    edges = [start + (end - start) * weight / (done[-1] or 1) for weight in done]
+    return [
+        replace(one, start=first, end=last)
+        for one, (first, last) in zip(run, pairwise(edges), strict=True)
+    ]
 
 
 def _median_letter_s(entries: Sequence[Entry]) -> float:

@@ -6,9 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.clocks import CLOCK, seconds_of
 from cospeech.speech.transcript.entries import Entries, Entry, counted, require_few
 from cospeech.speech.transcript.highlights import Cue, with_highlights
@@ -35,7 +34,7 @@ def is_cue_times(line: str) -> bool:
     return _CUE_TIMES.match(line) is not None or _SBV_TIMES.match(line) is not None
 
 
-def parse_subtitles(path: Path, text: str) -> Entries:
+def parse_subtitles(text: str) -> Entries:
     """Cues as phrases, or the words of cues that hold ``<00:00:01.000>`` between them.
 
     Cues that repeat a line for each of its words, marking that, give those words their times.
@@ -43,14 +42,14 @@ def parse_subtitles(path: Path, text: str) -> Entries:
     numbers, notes and styles.
 
     Raises:
-        InputFileError: A line with ``-->`` holds no two times.
+        ContentError: A line with ``-->`` holds no two times.
     """
     text = _SBV_TIMES.sub(r"\1 --> \6", text)
-    cues, repeated = _new_lines(with_highlights(_cues(path, text)))
+    cues, repeated = _new_lines(with_highlights(_cues(text)))
     cut = _cut_where_they_stay(cues)
     entries: list[Entry] = []
     for cue in cues:
-        require_few(path, len(entries))
+        require_few(len(entries))
         entries += _cue_entries(cue)
     notes = []
     if repeated:
@@ -60,19 +59,18 @@ def parse_subtitles(path: Path, text: str) -> Entries:
     return Entries(tuple(entries), tuple(notes), are_seconds=True)
 
 
-def _cues(path: Path, text: str) -> list[Cue]:
+def _cues(text: str) -> list[Cue]:
     cues: list[Cue] = []
     is_vtt = text.lstrip().startswith("WEBVTT")
     is_text = False
     aside: list[str] = []  # lines after a blank one, which belong to nothing yet
     before, is_next = "", False  # the last line with something, and whether it was the last one
     count = 0  # the number of the cue
-    for place, line in numbered_lines(path, text, blank=True):
+    for place, line in numbered_lines(text, blank=True):
         if "-->" in line:
             times = _CUE_TIMES.match(line)
             if times is None:
-                raise InputFileError(
-                    path,
+                raise ContentError(
                     f"expected times, found {line.strip()[:60]!r}",
                     place,
                     "a cue starts with 00:00:01,000 --> 00:00:02,500",
@@ -87,7 +85,7 @@ def _cues(path: Path, text: str) -> list[Cue]:
                 count = number
             _close(cues, aside, is_vtt)
             groups = times.groups()
-            require_few(path, len(cues))
+            require_few(len(cues))
             cues.append(Cue(seconds_of(groups[:4]), seconds_of(groups[4:8]), place))
             rest = groups[8].lstrip()
             if rest.startswith("]"):  # Whisper prints [00:00.000 --> 00:02.000]  text

@@ -6,9 +6,8 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.columns import Column, Columns, columns_by_content, columns_by_name
 from cospeech.speech.transcript.entries import Entries, Entry, require_few
 from cospeech.speech.transcript.lines import number, numbered_lines
@@ -57,7 +56,7 @@ def is_table(line: str) -> bool:
     return [field.lower() for field in fields[:2]] == ["start", "end"]
 
 
-def parse_table(path: Path, text: str) -> Entries:
+def parse_table(text: str) -> Entries:
     """Rows with a start, an end (or a duration) and a text, in columns.
 
     Columns are separated by tabs, semicolons, commas or, for start, end and word, spaces. A first
@@ -66,9 +65,9 @@ def parse_table(path: Path, text: str) -> Entries:
     over whole numbers means phrases in milliseconds.
 
     Raises:
-        InputFileError: A line doesn't fit, or the columns can't be told apart.
+        ContentError: A line doesn't fit, or the columns can't be told apart.
     """
-    rows = _rows(path, text)
+    rows = _rows(text)
     if not rows:
         return Entries(())
     columns = columns_by_name(rows[0].cells)
@@ -79,11 +78,10 @@ def parse_table(path: Path, text: str) -> Entries:
         head = [row.cells for row in rows[:_LOOKED_AT]]
         columns = columns_by_content(head)
         if all(map(_is_ctm_row, head)) and not (columns and _end_before_the_next(head, columns)):
-            return parse_ctm(path, text)
+            return parse_ctm(text)
         columns = _three(head) or columns
     if columns is None:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"can't tell which columns are times and which the words: {rows[0].cells!r:.80}",
             rows[0].place,
             _HINT,
@@ -91,9 +89,9 @@ def parse_table(path: Path, text: str) -> Entries:
     in_milliseconds = columns.is_whisper and _are_whole(rows, columns)
     tiers: dict[str, Tier] = {}
     for row in rows:
-        for name, entry in _row_entries(path, row, columns, in_milliseconds):
+        for name, entry in _row_entries(row, columns, in_milliseconds):
             tiers.setdefault(name, Tier(name)).entries.append(entry)
-    tier = words_tier(path, list(tiers.values())) if tiers else Tier("")
+    tier = words_tier(list(tiers.values())) if tiers else Tier("")
     notes = _passed_over(rows, columns)
     return Entries(tuple(tier.entries), notes, columns.are_seconds or in_milliseconds)
 
@@ -108,53 +106,51 @@ def _passed_over(rows: Sequence[_Row], columns: Columns) -> tuple[str, ...]:
     return (f"the words are those of {taken}, not of {' and '.join(others)}",)
 
 
-def parse_ctm(path: Path, text: str) -> Entries:
+def parse_ctm(text: str) -> Entries:
     """``recording channel start duration word [confidence]`` in seconds (NIST CTM).
 
     Raises:
-        InputFileError: A line is broken, or several recordings are mixed.
+        ContentError: A line is broken, or several recordings are mixed.
     """
     entries: list[Entry] = []
     recordings: dict[str, None] = {}
-    for place, line in numbered_lines(path, text):
-        require_few(path, len(entries))
+    for place, line in numbered_lines(text):
+        require_few(len(entries))
         if line.lstrip().startswith(";;"):
             continue
         fields = line.split()
         times = [number(field) for field in fields[2:4]]
         if len(times) < 2 or times[0] is None or times[1] is None:
-            raise InputFileError(
-                path,
+            raise ContentError(
                 "expected recording, channel, start, duration and word, found"
                 f" {' '.join(fields)[:60]!r}",
                 place,
                 "times are seconds, columns are separated by tabs or spaces",
             )
         if len(fields) < 5:
-            raise InputFileError(path, f"no word in {line[:60]!r}", place, "add the fifth column")
+            raise ContentError(f"no word in {line[:60]!r}", place, "add the fifth column")
         recordings[fields[0]] = None
         entries.append(Entry(fields[4], times[0], times[0] + times[1], place))
     if len(recordings) > 1:
         names = ", ".join(list(recordings)[:3])
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"holds the words of {len(recordings)} recordings ({names} ...)",
             hint="keep the lines of one recording per file",
         )
     return Entries(tuple(entries))
 
 
-def _rows(path: Path, text: str) -> list[_Row]:
+def _rows(text: str) -> list[_Row]:
     rows: list[_Row] = []
     separator: str | None = None
-    for place, line in numbered_lines(path, text):
+    for place, line in numbered_lines(text):
         if line.startswith(("\\", '"#', "#")):  # Audacity's frequencies, ELAN's file names
             continue
-        require_few(path, len(rows))
+        require_few(len(rows))
         if not rows:
             separator = next((one for one in _SEPARATORS if line.count(one) > 1), None)
         if separator is not None and separator != "\t" and separator not in line:
-            raise _unfit(path, place, [line])
+            raise _unfit(place, [line])
         cells = _cells(line, separator if separator in (";", ",") else "\t")
         if len(cells) == 1:
             cells = line.split(None, 2)
@@ -218,12 +214,10 @@ def _are_whole(rows: Sequence[_Row], columns: Columns) -> bool:
     return all(start is None or start.is_integer() for start in starts)
 
 
-def _row_entries(
-    path: Path, row: _Row, columns: Columns, in_milliseconds: bool
-) -> list[tuple[str, Entry]]:
+def _row_entries(row: _Row, columns: Columns, in_milliseconds: bool) -> list[tuple[str, Entry]]:
     start, end = columns.times(row.cells)
     if start is None or end is None:
-        raise _unfit(path, row.place, row.cells)
+        raise _unfit(row.place, row.cells)
     if in_milliseconds:
         start, end = start / 1000, end / 1000
     found = []
@@ -237,11 +231,11 @@ def _row_entries(
     return found
 
 
-def _unfit(path: Path, place: str, cells: Sequence[str]) -> InputFileError:
+def _unfit(place: str, cells: Sequence[str]) -> ContentError:
     if len(cells) == 2:
         cells = [*cells, ""]
     found = " ".join(cells)[:60]
-    return InputFileError(path, f"expected start, end and word, found {found!r}", place, _HINT)
+    return ContentError(f"expected start, end and word, found {found!r}", place, _HINT)
 
 
 def _starts_with_digit(field: str) -> bool:

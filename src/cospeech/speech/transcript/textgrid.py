@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, Entry, require_few
 from cospeech.speech.transcript.tiers import Tier, words_tier
 
@@ -27,23 +26,22 @@ _TOKEN = re.compile(
 _MOST_LABELS = 300_000  # of all tiers, phones too
 
 
-def parse_textgrid(path: Path, text: str) -> Entries:
+def parse_textgrid(text: str) -> Entries:
     """Entries of the tier that holds the words.
 
     `words_tier` says which that is.
 
     Raises:
-        InputFileError: Broken, without words, or it's not clear which tier is meant.
+        ContentError: Broken, without words, or it's not clear which tier is meant.
     """
-    tier = words_tier(path, _interval_tiers(path, text))
+    tier = words_tier(_interval_tiers(text))
     return Entries(tuple(tier.entries), are_seconds=True)
 
 
 class _Tokens:
     """The tokens of a text, with the line each stands on."""
 
-    def __init__(self, path: Path, text: str) -> None:
-        self._path = path
+    def __init__(self, text: str) -> None:
         self._text = text
         self._matches = self._tokens()
         self._position = self._line_end = 0
@@ -57,8 +55,7 @@ class _Tokens:
     def next(self, kind: str, what: str) -> str:
         match = next(self._matches, None)
         if match is None:
-            raise InputFileError(
-                self._path,
+            raise ContentError(
                 f"the file ends where {what} should stand",
                 place=f"line {self._text.count(chr(10)) + 1}",
                 hint="the file is cut off: copy or export it again",
@@ -66,8 +63,7 @@ class _Tokens:
         self.line += self._text.count("\n", self._position, match.start())
         self._position = match.start()
         if match.lastgroup != kind:
-            raise InputFileError(
-                self._path,
+            raise ContentError(
                 f"expected {what}, found {match.group()[:40]!r}",
                 place=f"line {self.line}",
                 hint="open the file in Praat and save it again as a text file",
@@ -83,17 +79,16 @@ class _Tokens:
     def count(self, what: str) -> int:
         value = self.number(what)
         if not (value.is_integer() and 0 <= value <= _MOST_LABELS):
-            raise InputFileError(self._path, f"{what} is {value:g}", place=f"line {self.line}")
+            raise ContentError(f"{what} is {value:g}", place=f"line {self.line}")
         return int(value)
 
 
-def _interval_tiers(path: Path, text: str) -> list[Tier]:
-    tokens = _Tokens(path, text)
+def _interval_tiers(text: str) -> list[Tier]:
+    tokens = _Tokens(text)
     for expected in ("ooTextFile", "TextGrid"):
         found = tokens.string(f'"{expected}"')
         if not found.startswith(expected):
-            raise InputFileError(
-                path,
+            raise ContentError(
                 f"is not a TextGrid in text form: it says {found[:40]!r}, not {expected!r}",
                 place=f"line {tokens.line}",
                 hint="in Praat: select the TextGrid, Save as text file",
@@ -101,7 +96,7 @@ def _interval_tiers(path: Path, text: str) -> list[Tier]:
     tokens.number("the start time")
     tokens.number("the end time")
     if tokens.next("flag", "<exists>") != "<exists>":
-        raise InputFileError(path, "has no tiers", hint="save the TextGrid with a 'words' tier")
+        raise ContentError("has no tiers", hint="save the TextGrid with a 'words' tier")
     tiers = []
     count = 0
     for _ in range(tokens.count("the number of tiers")):
@@ -111,7 +106,7 @@ def _interval_tiers(path: Path, text: str) -> list[Tier]:
         tokens.number("the tier's end time")
         for _ in range(tokens.count("the number of intervals")):
             count += 1
-            require_few(path, count, _MOST_LABELS)
+            require_few(count, _MOST_LABELS)
             start = tokens.number("a start time")
             place = f"line {tokens.line}"
             end = tokens.number("an end time") if kind == "IntervalTier" else start

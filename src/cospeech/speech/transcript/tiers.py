@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entry
 from cospeech.speech.transcript.labels import are_phones, is_spoken
 
@@ -41,7 +40,7 @@ class Tier:
     entries: list[Entry] = field(default_factory=list)
 
 
-def words_tier(path: Path, tiers: Sequence[Tier]) -> Tier:
+def words_tier(tiers: Sequence[Tier]) -> Tier:
     """The tier that holds the words.
 
     That is the one called "words" in any of a dozen languages (also "speaker - words", "ORT-MAU");
@@ -49,7 +48,7 @@ def words_tier(path: Path, tiers: Sequence[Tier]) -> Tier:
     after gestures, emotions or parts of speech.
 
     Raises:
-        InputFileError: There are no words, or it's not clear which tier is meant.
+        ContentError: There are no words, or it's not clear which tier is meant.
     """
     names = ", ".join(repr(tier.name) for tier in tiers) or "none"
     named = [tier for tier in tiers if is_word_tier(tier.name)]
@@ -57,22 +56,19 @@ def words_tier(path: Path, tiers: Sequence[Tier]) -> Tier:
     if len(spoken) == 1 or (named and not spoken):
         return (spoken or named)[0]
     if named:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"several tiers hold words (tiers: {names})",
             hint="one file per speaker is expected: remove the other speakers' tiers",
         )
     unnamed = [tier for tier in tiers if _OTHERS.isdisjoint(_parts(tier.name))]
     if tiers and not unnamed:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"holds no words (tiers: {names})",
             hint="give a file with the words that are said, in a tier called 'words'",
         )
     others = [tier for tier in unnamed if not _holds_phones(tier)]
     if tiers and not others:
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"holds phones and no words (tiers: {names})",
             hint="give the aligner's file with the tier of the words, called 'words'",
         )
@@ -80,8 +76,7 @@ def words_tier(path: Path, tiers: Sequence[Tier]) -> Tier:
         others = [tier for tier in others if _has_words(tier)]
     if len(others) == 1:
         return others[0]
-    raise InputFileError(
-        path,
+    raise ContentError(
         f"no interval tier is called 'words' (tiers: {names})",
         hint="rename the tier that holds the words to 'words'",
     )

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
-from pathlib import Path
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entry
 
 TIME_UNITS: tuple[tuple[float, str], ...] = (
@@ -37,25 +35,22 @@ _FROM_DURATION = 0.5
 _TOLERATED_S = 0.5
 
 
-def in_seconds(
-    path: Path, entries: Sequence[Entry], duration_s: float | None
-) -> tuple[list[Entry], list[str]]:
+def in_seconds(entries: Sequence[Entry], duration_s: float | None) -> tuple[list[Entry], list[str]]:
     """Entries in seconds, and a note where they were in milliseconds or samples.
 
     Only times that can't be seconds are touched: half of the words would last over
     `SLOWEST_WORD_S`. Above `SLOW_WORD_S` whole numbers are refused, and others noted.
 
     Args:
-        path: For messages.
         entries: Of a format that doesn't say its unit.
         duration_s: Length of the sound, s, by which sample rates are told apart.
 
     Raises:
-        InputFileError: They aren't seconds, and it's not clear what else.
+        ContentError: They aren't seconds, and it's not clear what else.
     """
     median = median_word(entries)
     if median is None or median <= SLOWEST_WORD_S:
-        return list(entries), _on_slow_words(path, entries, median or 0.0)
+        return list(entries), _on_slow_words(entries, median or 0.0)
     last = max(entry.end for entry in entries if entry.end is not None)
     possible = [
         (per_second, unit)
@@ -67,8 +62,7 @@ def in_seconds(
     if len(possible) != 1 or possible[0][0] == TIME_UNITS[1][0]:
         told = " or ".join(f"{unit} (divide by {rate:g})" for rate, unit in possible)
         length = "" if duration_s is None else f", the sound lasts {duration_s:.1f} s"
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"its times are no seconds: half of the words last over {median:g}, the last ends at"
             f" {last:g}{length}",
             hint=f"convert them to seconds; they may be {told}"
@@ -77,25 +71,17 @@ def in_seconds(
             " sample rate; frames: divide by the frame rate)",
         )
     per_second, unit = possible[0]
-    converted = [
-        replace(
-            entry,
-            start=None if entry.start is None else entry.start / per_second,
-            end=None if entry.end is None else entry.end / per_second,
-        )
-        for entry in entries
-    ]
+    converted = [entry.retimed(lambda time: time / per_second) for entry in entries]
     note = f"its times are {unit}: they were divided by {per_second:g} (the last word ends at"
     return converted, [f"{note} {last / per_second:.2f} s)"]
 
 
-def _on_slow_words(path: Path, entries: Sequence[Entry], median: float) -> list[str]:
+def _on_slow_words(entries: Sequence[Entry], median: float) -> list[str]:
     times = [time for entry in entries for time in (entry.start, entry.end) if time is not None]
     if len(entries) < _FEWEST or median <= SLOW_WORD_S:
         return []
     if all(time.is_integer() for time in times):
-        raise InputFileError(
-            path,
+        raise ContentError(
             f"its times look like frame numbers or tenths of a second: they are whole numbers, and"
             f" half of the words would last over {median:g} s",
             hint="convert them to seconds (frames: divide by the frame rate; tenths: divide by 10)",

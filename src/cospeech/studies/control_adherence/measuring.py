@@ -10,7 +10,7 @@ import numpy as np
 from cospeech.matching.control import database_mask, parse_criterion
 from cospeech.matching.control.frames import DatabaseFrames
 from cospeech.matching.search import MatchingSearch
-from cospeech.metrics.gesture_statistics.resampling import Estimate, Resampling
+from cospeech.metrics.resampling import Estimate, Resampling, combined
 from cospeech.studies.control_adherence.motions import CHANGING, FREE, Made, Values
 from cospeech.studies.control_adherence.tested_controls import (
     CHANGING_QUANTITIES,
@@ -163,7 +163,7 @@ def measure_change(made: Made, seed: int) -> list[Change]:
                 values = made.motions[name][stage][q]
                 first = _mean(draws, [part[: len(part) // 2] for part in values])
                 second = _mean(draws, [part[len(part) // 2 :] for part in values])
-                rises.append(second.combined(first, np.subtract))
+                rises.append(combined(np.subtract, second, first))
                 halves.append((first.value, second.value))
             found.append(Change(q, stage, halves[0], halves[1], _shift(draws, 1, *rises)))
     return found
@@ -215,5 +215,5 @@ def _mean(draws: Resampling, series: Sequence[Values]) -> Estimate:
 
 
 def _shift(draws: Resampling, way: int, controlled: Estimate, free: Estimate) -> Shift:
-    difference = controlled.combined(free, lambda a, b: way * np.subtract(a, b))
+    difference = combined(lambda a, b: way * (a - b), controlled, free)
     return Shift(difference.value, difference.interval() if draws.draws else None)

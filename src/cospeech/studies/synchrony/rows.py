@@ -18,7 +18,7 @@ from cospeech.metrics.beat_consistency import (
     lag_profile,
 )
 from cospeech.metrics.evaluation_windows import cut_windows
-from cospeech.metrics.gesture_statistics.movement import border_steps, velocity_power
+from cospeech.metrics.movement import border_steps, seam_jump, velocity_power
 from cospeech.motion.motion import Motion, resample_positions
 from cospeech.motion.upper_body import EVALUATION_FPS, UPPER_BODY
 
@@ -116,21 +116,18 @@ def lag_of(clips: Sequence[BeatClip], seed: int) -> float:
 
 def how_it_moves(motions: Sequence[Motion]) -> Moving:
     """Seams, jitter and speed of upper-body motions, over all of them."""
-    borders, inside, speeds, power = [], [], [], np.zeros(2)
+    borders, speeds, power = [], [], np.zeros(2)
     for motion in motions:
         positions = resample_positions(motion.positions, motion.fps, EVALUATION_FPS)
-        at_border, elsewhere = border_steps(positions, SEAM_FRAMES)
-        borders.append(at_border)
-        inside.append(elsewhere)
+        borders.append(border_steps(positions, SEAM_FRAMES))
         steps = np.diff(positions[:, _WRISTS].astype(np.float64), axis=0)
         speeds.append(np.linalg.norm(steps, axis=-1).mean(-1) * EVALUATION_FPS)
         windows = cut_windows(torch.from_numpy(positions)[None])
         if len(windows):
             power += velocity_power(windows.numpy(), _WRISTS, EVALUATION_FPS).sum(axis=0)
-    step, seam = (np.concatenate(steps) for steps in (inside, borders))
-    usual = float(np.median(step)) if len(step) else 0.0
+    seam = seam_jump(borders)
     return Moving(
-        seam_ratio=float(np.median(seam)) / usual if usual > 0 and len(seam) else None,
+        seam_ratio=None if np.isnan(seam) else seam,
         jitter_share=float(power[0] / power[1]) if power[1] > 0 else None,
         wrist_speed=float(np.concatenate(speeds).mean()),
     )

@@ -107,6 +107,7 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
     """
 
     needs = frozenset({"poses", "matched", "cepstra", "speakers"})
+    derived_from = frozenset({"fgd"})
 
     def __init__(
         self,
@@ -332,8 +333,17 @@ class RefinedMotionMatching(TrainsInStages, MatchedMethod):
 
     def stream(self, pieces: MatchedPieces) -> Stream:
         """The search's output, refined eight frames at a time."""
+        network = self.speaking.piecewise()
+
+        def refine(
+            matched: NDArray[np.float32], cepstra: NDArray[np.float32], is_end: bool
+        ) -> NDArray[np.float32]:
+            poses, sound = (torch.from_numpy(v).to(self.device) for v in (matched, cepstra))
+            refined = network(self.scales.speech(sound), self.scales.poses(poses), is_end)
+            return self.scales.joints(refined).cpu().numpy()
+
         return RefinedStream(
-            pieces, self.window.fps, self.speaking, self._refined, self.upper_body_motion
+            pieces, self.window.fps, self.speaking.behind, refine, self.upper_body_motion
         )
 
     def _refined(

@@ -8,15 +8,25 @@ of a smaller width.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from typing import Literal
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from cospeech.errors import ConfigError
+from cospeech.methods.motion_matching.refinement.piecewise import (
+    Around,
+    Chain,
+    Convolution,
+    Each,
+    Halved,
+    Piecewise,
+)
+from cospeech.nn.modes import evaluating
 
 Form = Literal["code", "paper"]
 """The generator as in the published code or as in the paper's text."""
@@ -24,7 +34,10 @@ Form = Literal["code", "paper"]
 POOLED = 8
 """Frames that the deepest convolutions see as one: inputs are made a multiple of it."""
 
-_CONTEXT: dict[Form, int] = {"code": 48, "paper": 64}
+_AT_ONCE = 64
+"""Pieces that are shown at a time at most, so that a long speech takes no more memory."""
+
+_BEHIND: dict[Form, int] = {"code": 46, "paper": 62}
 
 _SLOPE = 0.2
 
@@ -45,7 +58,8 @@ class Refiner(nn.Module):
         residual: Put out what is added to the matched poses, at first nothing, not the poses.
 
     Attributes:
-        context: So many frames before and after `POOLED` ones these depend on, and no others.
+        behind: When a multiple of `POOLED` frames was seen, all but so many at the end are refined
+            the same whatever follows.
 
     Raises:
         ConfigError: No such form.
@@ -62,11 +76,11 @@ class Refiner(nn.Module):
         super().__init__()
         if form not in ("code", "paper"):
             raise ConfigError(f"no generator form {form!r}", "choose code or paper")
-        self.context = _CONTEXT[form]
+        self.behind = _BEHIND[form]
         network = _UNet if form == "code" else _Hourglass
         self.network = network(audio + poses, poses, width)
         start_as_published(self)
-        self.residual = residual
+        self.residual, self._poses = residual, poses
         if residual:
             *_, output = (layer for layer in self.modules() if isinstance(layer, nn.Conv1d))
             nn.init.zeros_(output.weight)
@@ -89,6 +103,63 @@ class Refiner(nn.Module):
             hidden = functional.pad(hidden, (0, missing), mode="replicate")
         refined: Tensor = self.network(hidden)[..., :frames].transpose(1, 2)
         return poses + refined if self.residual else refined
+
+    @torch.no_grad()
+    def piecewise(self) -> PiecewiseRefiner:
+        """The network as it is now, in eval mode, for one speech that comes piece by piece."""
+        with evaluating(self):
+            network: Piecewise = self.network.piecewise()
+        if self.residual:
+            poses = self._poses
+            network = Around(network, lambda refined, shown: shown[:, -poses:] + refined)
+        return PiecewiseRefiner(network)
+
+
+class PiecewiseRefiner:
+    """Refined motion of what comes piece by piece; of a `Refiner`, which says what it is behind.
+
+    Args:
+        network: Is shown `POOLED` frames per piece.
+    """
+
+    def __init__(self, network: Piecewise) -> None:
+        self._network = network
+        self._is_under_way = False
+        self._left = 0
+
+    def __call__(self, audio: Tensor, poses: Tensor, is_end: bool) -> Tensor:
+        """What the next frames complete.
+
+        Args:
+            audio: ``(T, audio)``, normalised; T is a multiple of `POOLED`, or anything at the end.
+            poses: ``(T, poses)``, normalised.
+            is_end: Nothing follows.
+
+        Returns:
+            ``(F, poses)``, normalised; at the end all that is left.
+        """
+        self._left += len(poses)
+        frames = torch.cat([audio, poses], dim=1)
+        made = [poses[:0]]
+        while len(frames) >= POOLED:
+            # Each piece completes as many frames as the one before, once any were completed.
+            together = _AT_ONCE if self._is_under_way and frames.device.type == "cpu" else 1
+            pieces = min(len(frames) // POOLED, together)
+            made += self._completed(frames[: pieces * POOLED], pieces, is_end=False)
+            frames = frames[pieces * POOLED :]
+        if is_end:
+            last = frames[-1:].expand(-len(frames) % POOLED, -1)
+            made += self._completed(torch.cat([frames, last]), 1, is_end=True)
+        return torch.cat(made)
+
+    def _completed(self, frames: Tensor, pieces: int, is_end: bool) -> list[Tensor]:
+        refined = self._network(frames, pieces, is_end)
+        if refined is None:
+            return []
+        self._is_under_way = True
+        refined = refined[: self._left]
+        self._left -= len(refined)
+        return [refined]
 
 
 class _UNet(nn.Module):
@@ -120,6 +191,15 @@ class _UNet(nn.Module):
         output: Tensor = self.last(hidden)
         return output
 
+    def piecewise(self) -> Piecewise:
+        """See `Refiner.piecewise`."""
+        inside = _piecewise(self.middle)
+        for down, up in zip(reversed(self.down), self.up, strict=True):
+            halved = Chain([*_piecewise([self.pool]), *inside, Each(_twice)])
+            skip = Around(halved, lambda deep, skipped: torch.cat([deep, skipped], dim=1))
+            inside = [*_piecewise(down.children()), skip, *_piecewise(up.children())]
+        return Chain([*inside, *_piecewise([self.last])])
+
 
 class _Hourglass(nn.Sequential):
     def __init__(self, inputs: int, outputs: int, width: int) -> None:
@@ -127,6 +207,10 @@ class _Hourglass(nn.Sequential):
         down = _text_blocks([inputs, *channels], lambda: nn.MaxPool1d(2))
         up = _text_blocks(channels[::-1], lambda: nn.Upsample(scale_factor=2))
         super().__init__(*down, *up, _convolution(width, outputs))
+
+    def piecewise(self) -> Piecewise:
+        """See `Refiner.piecewise`."""
+        return Chain(_piecewise(self))
 
 
 def _text_blocks(sizes: Sequence[int], between: Callable[[], nn.Module]) -> list[nn.Module]:
@@ -137,6 +221,29 @@ def _text_blocks(sizes: Sequence[int], between: Callable[[], nn.Module]) -> list
         if block in (2, 4, 6):
             layers.append(between())
     return layers
+
+
+def _piecewise(layers: Iterable[nn.Module]) -> list[Piecewise]:
+    parts = list[Piecewise]()
+    for layer in layers:
+        if isinstance(layer, nn.Conv1d):
+            convolution = layer
+            parts.append(Convolution(layer))
+        elif isinstance(layer, nn.BatchNorm1d):
+            parts[-1] = Convolution(fuse_conv_bn_eval(convolution, layer))
+        elif isinstance(layer, _Halving):
+            parts.append(Halved(lambda first, second: (first + second) * 0.5))
+        elif isinstance(layer, nn.MaxPool1d):
+            parts.append(Halved(torch.maximum))
+        elif isinstance(layer, nn.Upsample):
+            parts.append(Each(_twice))
+        else:
+            parts.append(Each(layer))
+    return parts
+
+
+def _twice(frames: Tensor) -> Tensor:
+    return frames.repeat_interleave(2, dim=0)
 
 
 class Critic(nn.Module):

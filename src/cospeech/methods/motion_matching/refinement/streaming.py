@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cospeech.corpus.features.cepstra import CEPSTRA
 from cospeech.corpus.features.streaming import FieldStream
 from cospeech.matching.streaming import MatchedPieces
-from cospeech.methods.motion_matching.refinement.networks import POOLED, Refiner
+from cospeech.methods.motion_matching.refinement.networks import POOLED
 from cospeech.methods.streams import Stream
 from cospeech.motion.motion import Motion
 from cospeech.speech.speech import Word
@@ -21,15 +21,15 @@ Poses = NDArray[np.float32]
 class RefinedStream(Stream):
     """Matched motion, refined as soon as all that the network looks at is there.
 
-    The network is shown `POOLED` frames and those around that they depend on, always as many, so
-    that the motion is the same to the bit however the sound is cut. From one pass over the whole
-    speech it differs by rounding.
+    The network is shown `POOLED` frames after another, so that the motion is the same to the bit
+    however the sound is cut. From one pass over the whole speech it differs by rounding.
 
     Args:
         pieces: The search.
         fps: Frames per second.
-        network: What `refine` shows them to.
-        refine: ``(F, J, 3)`` refined poses of matched ones and of their ``(F, 28)`` sound.
+        behind: See `Refiner`.
+        refine: ``(F, J, 3)`` refined poses that further matched ones ``(T, J, 3)`` and their sound
+            ``(T, 28)`` complete, and whether they are the last; as `PiecewiseRefiner` takes them.
         to_motion: What is put out of refined poses.
     """
 
@@ -37,46 +37,38 @@ class RefinedStream(Stream):
         self,
         pieces: MatchedPieces,
         fps: float,
-        network: Refiner,
-        refine: Callable[[Poses, NDArray[np.float32]], Poses],
+        behind: int,
+        refine: Callable[[Poses, NDArray[np.float32], bool], Poses],
         to_motion: Callable[[Poses], Motion],
     ) -> None:
         self._pieces, self._cepstra = pieces, FieldStream(CEPSTRA, fps)
-        self._context = network.context
-        last = POOLED - 1 + self._context  # frame that is seen, counted from the first refined one
-        places = np.arange(pieces.step_frames) * POOLED
-        begins = (places + last) // pieces.step_frames * pieces.step_frames - places
+        # Frames that are seen last, the steps that they are in, and what is first refined then.
+        last = np.arange(1, pieces.step_frames + 1) * POOLED - 1
+        begins = last // pieces.step_frames * pieces.step_frames
+        first = last + 1 - POOLED - behind
         wait_s = max(
-            float(begins.max()) / fps + pieces.look_ahead_s,
-            last / fps + self._cepstra.look_ahead_s,
+            float((begins - first).max()) / fps + pieces.look_ahead_s,
+            float((last - first).max()) / fps + self._cepstra.look_ahead_s,
         )
         super().__init__(wait_s, wait_s)
         self._refine, self._to_motion = refine, to_motion
         nothing = np.zeros(0, dtype=np.float32)
         self._poses, self._sound = pieces.hear(nothing), self._cepstra.hear(nothing)
-        self._refined = 0  # of the frames that are held
 
-    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion:
+    def _hear(self, samples: NDArray[np.float32], words: Sequence[Word] | None) -> Motion | None:
         self._hold(self._pieces.hear(samples), self._cepstra.hear(samples))
-        made = [self._poses[:0]]
-        while min(len(self._poses), len(self._sound)) >= self._refined + POOLED + self._context:
-            made.append(self._next(POOLED))
-        return self._to_motion(np.concatenate(made))
+        frames = min(len(self._poses), len(self._sound)) // POOLED * POOLED
+        return self._shown(frames, is_end=False) if frames else None
 
     def _end(self) -> Motion:
         self._hold(self._pieces.finish(), self._cepstra.finish())
-        left = len(self._poses) - self._refined
-        return self._to_motion(self._next(left) if left else self._poses)
+        return self._shown(len(self._poses), is_end=True)
 
     def _hold(self, poses: Poses, sound: NDArray[np.float32]) -> None:
         self._poses = np.concatenate([self._poses, poses])
         self._sound = np.concatenate([self._sound, sound])
 
-    def _next(self, frames: int) -> Poses:
-        first, stop = self._refined, self._refined + frames
-        seen = slice(stop + self._context)
-        refined = self._refine(self._poses[seen], self._sound[seen])[first:stop]
-        gone = max(0, stop - self._context)
-        self._poses, self._sound = self._poses[gone:], self._sound[gone:]
-        self._refined = stop - gone
-        return refined
+    def _shown(self, frames: int, is_end: bool) -> Motion:
+        poses, self._poses = np.split(self._poses, [frames])
+        sound, self._sound = np.split(self._sound, [frames])
+        return self._to_motion(self._refine(poses, sound, is_end))

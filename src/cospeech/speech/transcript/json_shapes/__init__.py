@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from cospeech import foreign
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, require_few
 from cospeech.speech.transcript.json_shapes.aligners import read_tiers, read_word_lists
 from cospeech.speech.transcript.json_shapes.items import Document
@@ -58,25 +57,24 @@ SHAPES: dict[str, _Shape] = {
 _TEXTS = ("transcript", "text", "display", "Display", "lexical", "DisplayText")
 
 
-def parse_json_transcript(path: Path, text: str) -> Entries:
+def parse_json_transcript(text: str) -> Entries:
     """Entries of a JSON transcript; a word without times (not found in the audio) has None.
 
     Several documents in one file, one after another, are taken as a list of them.
 
     Raises:
-        InputFileError: Not JSON, or of no known shape.
+        ContentError: Not JSON, or of no known shape.
     """
     hint = "the file is cut off or was edited by hand: export it again"
-    documents = foreign.parse_json_stream(path, text, "a transcript", hint)
+    documents = foreign.parse_json_stream(text, "a transcript", hint)
     document: Any = documents[0] if len(documents) == 1 else documents
     for read in SHAPES.values():
-        source = Document(path, document)
+        source = Document(document)
         found = read(source)
         if found is not None:
-            require_few(path, len(found.entries))
+            require_few(len(found.entries))
             if not any(entry.text.strip() for entry in found.entries) and _has_text(document):
-                raise InputFileError(
-                    path,
+                raise ContentError(
                     "holds a text but no word times",
                     hint="ask the recogniser for word times (offsets, timestamps), or save the text"
                     " as .txt to have it spread over the sound",
@@ -84,8 +82,7 @@ def parse_json_transcript(path: Path, text: str) -> Entries:
             return _with_speakers(found, len(source.speakers))
     keys = ", ".join(map(repr, list(document)[:6])) if isinstance(document, dict) else ""
     problem = "is JSON but not a transcript of a known shape"
-    raise InputFileError(
-        path,
+    raise ContentError(
         f"{problem} (it has {keys:.200})" if keys else problem,
         hint=f"known are the outputs of {', '.join(SHAPES)}, and lists of "
         '{"word": ..., "start": ..., "end": ...} in seconds',

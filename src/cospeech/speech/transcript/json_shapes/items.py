@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from itertools import islice
 from typing import Any
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entry, counted, require_few
 from cospeech.speech.transcript.lines import number
 
@@ -27,13 +27,11 @@ class Document:
     """A parsed file.
 
     Attributes:
-        path: For messages.
         value: What it holds.
         made: Entries that were made of it, which are bounded.
         speakers: Who said them, as far as it tells.
     """
 
-    path: Path
     value: Any
     made: int = 0
     speakers: set[str] = field(default_factory=set)
@@ -56,23 +54,26 @@ class Document:
         A duration may stand for the end; ``[word, start, end]`` will do as well.
 
         Raises:
-            InputFileError: It is something else, a time is none, or it is one too many.
+            ContentError: It is something else, a time is none, or it is one too many.
         """
         self.made += 1
-        require_few(self.path, self.made)
+        require_few(self.made)
         if isinstance(item, list) and len(item) == 3:
             item = dict(zip(("word", "start", "end"), item, strict=True))
         text = first(item, TEXT_KEYS) if isinstance(item, dict) else None
         if not isinstance(text, str):
-            raise InputFileError(
-                self.path, f"expected a word with its times, found {item!r:.60}", place, _EXPECTED
+            raise ContentError(
+                f"expected a word with its times, found {item!r:.60}", place, _EXPECTED
             )
         self.hear(item)
         if item.get("case") == "not-found-in-audio":
             return Entry(text, None, None, place, is_phrase)
-        start, end = self.times(place, item)
-        start, end = (None if time is None else time * scale for time in (start, end))
-        return Entry(text, start, end, place, is_phrase)
+        entry = Entry(text, *self.times(place, item), place, is_phrase)
+        return entry.retimed(lambda time: time * scale)
+
+    def entries(self, items: Iterable[Item], scale: float = 1.0) -> list[Entry]:
+        """As `entry`, of several."""
+        return [self.entry(place, item, scale) for place, item in items]
 
     def hear(self, item: Any) -> None:
         """Take note of the speaker or the channel of a word or a phrase."""
@@ -85,7 +86,7 @@ class Document:
         """Start and end of a word or a phrase; None where it has none.
 
         Raises:
-            InputFileError: A time is none.
+            ContentError: A time is none.
         """
         if not isinstance(item, dict):
             return None, None
@@ -100,7 +101,7 @@ class Document:
         """Seconds of a number, "1.200s", "1.2" or {"seconds": 1, "nanos": 200000000}.
 
         Raises:
-            InputFileError: It is no time.
+            ContentError: It is no time.
         """
         found: float | None = None
         if value is None:
@@ -115,8 +116,8 @@ class Document:
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
             found = float(value)  # of 30 digits at most
         if found is None:
-            raise InputFileError(
-                self.path, f"{value!r:.60} is not a time", place, 'times are seconds: 1.2 or "1.2s"'
+            raise ContentError(
+                f"{value!r:.60} is not a time", place, 'times are seconds: 1.2 or "1.2s"'
             )
         return None if math.isnan(found) else found
 
@@ -136,8 +137,26 @@ def children(value: Any, key: str, above: str = "") -> Iterator[Item]:
     """The items of the list under a key, with their places; none where there is no list."""
     values = value.get(key) if isinstance(value, dict) else None
     if isinstance(values, list):
-        prefix = f"{above}.{key}" if above else key
-        yield from ((f"{prefix}[{index}]", item) for index, item in enumerate(values))
+        yield from numbered(values, f"{above}.{key}" if above else key)
+
+
+def numbered(values: list[Any], above: str = "") -> list[Item]:
+    """The items of a list with their places."""
+    return [(f"{above}[{index}]", item) for index, item in enumerate(values)]
+
+
+def below(value: Any, path: str, above: str = "") -> Iterator[Item]:
+    """The items of lists in lists, with their places.
+
+    Args:
+        value: What holds the outermost list.
+        path: Keys of the lists, ``"alternatives[0].words"``: of the first alternative alone.
+        above: Where the value stands.
+    """
+    key, _, rest = path.partition(".")
+    found = children(value, key.removesuffix("[0]"), above)
+    for place, item in islice(found, 1) if key.endswith("[0]") else found:
+        yield from below(item, rest, place) if rest else ((place, item),)
 
 
 def has(items: Any, key: str) -> bool:

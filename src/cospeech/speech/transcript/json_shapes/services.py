@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, Entry
 from cospeech.speech.transcript.json_shapes.items import (
     Document,
     Item,
+    below,
     children,
     first,
     has,
+    numbered,
     spread_note,
 )
 
@@ -28,49 +30,40 @@ def read_google(document: Document) -> Entries | None:
     The first alternative of each result is taken. With speaker labels on, the last result repeats
     the words of all others; they are dropped as repeats.
     """
+    entries = _of_first_alternatives(document, "words")
+    return None if entries is None else Entries(tuple(entries))
+
+
+def read_watson(document: Document) -> Entries | None:
+    """``{"results": [{"alternatives": [{"timestamps": [[word, start, end]]}]}]}``."""
+    entries = _of_first_alternatives(document, "timestamps")
+    return Entries(tuple(entries)) if entries else None
+
+
+def _of_first_alternatives(document: Document, key: str) -> list[Entry] | None:
     results = _results(document, "alternatives")
     if results is None:
         return None
     entries = []
     for place, result in results:
         document.hear(result)
-        for inner, alternative in children(result, "alternatives", place):
-            entries += [document.entry(*item) for item in children(alternative, "words", inner)]
-            break
-    return Entries(tuple(entries))
-
-
-def read_watson(document: Document) -> Entries | None:
-    """``{"results": [{"alternatives": [{"timestamps": [[word, start, end]]}]}]}``."""
-    results = _results(document, "alternatives")
-    if results is None:
-        return None
-    entries = []
-    for place, result in results:
-        for inner, alternative in children(result, "alternatives", place):
-            entries += [
-                document.entry(*item) for item in children(alternative, "timestamps", inner)
-            ]
-            break
-    return Entries(tuple(entries)) if entries else None
+        entries += document.entries(below(result, f"alternatives[0].{key}", place))
+    return entries
 
 
 def read_deepgram(document: Document) -> Entries | None:
     """``{"results": {"channels": [{"alternatives": [{"words": [...]}]}]}}``.
 
     Raises:
-        InputFileError: Several channels hold words: one file per speaker is expected.
+        ContentError: Several channels hold words: one file per speaker is expected.
     """
     results = document.get("results")
     if not has(document.get("results", "channels"), "alternatives"):
         return None
-    channels = []
-    for place, channel in children(results, "channels", "results"):
-        for inner, alternative in children(channel, "alternatives", place):
-            channels.append(
-                [document.entry(*item) for item in children(alternative, "words", inner)]
-            )
-            break
+    channels = [
+        document.entries(below(channel, "alternatives[0].words", place))
+        for place, channel in children(results, "channels", "results")
+    ]
     _require_one(document, sum(bool(channel) for channel in channels), "channels")
     return Entries(tuple(entry for channel in channels for entry in channel))
 
@@ -92,18 +85,16 @@ def read_aws(document: Document) -> Entries | None:
     for place, item in _spoken_items(above, items):
         if not isinstance(item, dict) or item.get("type") not in _WORD_TYPES:
             continue
-        for _, alternative in children(item, "alternatives"):
+        for _, alternative in below(item, "alternatives[0]"):
             content = alternative.get("content") if isinstance(alternative, dict) else None
             document.hear(alternative)
             entries.append(document.entry(place, {**item, "word": content}))
-            break
     return Entries(tuple(entries))
 
 
 def _spoken_items(above: str, items: list[Any]) -> Iterator[Item]:
     """The items of a list, and in the place of an entity the words in which it was said."""
-    for index, item in enumerate(items):
-        place = f"{above}[{index}]"
+    for place, item in numbered(items, above):
         spoken = list(children(item, "spoken_form", place))
         yield from spoken or [(place, item)]
 
@@ -117,16 +108,15 @@ def read_assemblyai(document: Document) -> Entries | None:
     length = document.get("audio_duration")
     if not isinstance(length, (int, float)) or isinstance(length, bool):
         return None
-    items: list[Item] = list(children(document.value, "words"))
-    for key in ("utterances", "sentences", "paragraphs"):
-        for place, part in [] if items else list(children(document.value, key)):
-            items += children(part, "words", place)
+    items: list[Item] = []
+    for path in ("words", "utterances.words", "sentences.words", "paragraphs.words"):
+        items = items or list(below(document.value, path))
     if not items:
         return None
-    entries = [document.entry(*item) for item in items]
+    entries = document.entries(items)
     ends = [entry.end for entry in entries if entry.end is not None]
     if all(end.is_integer() for end in ends) or max(ends) > 1.5 * length + 1:
-        entries = [document.entry(*item, scale=1e-3) for item in items]
+        entries = document.entries(items, scale=1e-3)
     return Entries(tuple(entries), are_seconds=True)
 
 
@@ -139,10 +129,10 @@ def read_polly(document: Document) -> Entries | None:
     if not (has(value, "time") and has(value, "type") and has(value, "value")):
         return None
     entries = []
-    for index, mark in enumerate(value):
+    for place, mark in numbered(value):
         if isinstance(mark, dict) and mark.get("type") == "word":
             word = {"word": mark.get("value"), "start": mark.get("time")}
-            entries.append(document.entry(f"[{index}]", word, scale=1e-3))
+            entries.append(document.entry(place, word, scale=1e-3))
     return Entries(tuple(entries), are_seconds=True)
 
 
@@ -158,11 +148,11 @@ def read_azure(document: Document) -> Entries | None:
     if not has(phrases, "NBest") and not has(phrases, "nBest"):
         return None
     entries = []
-    for index, phrase in enumerate(phrases):
+    for place, phrase in numbered(phrases, "NBest"):
         best = first(phrase, ("NBest", "nBest")) if isinstance(phrase, dict) else None
         if not (isinstance(best, list) and best and isinstance(best[0], dict)):
             continue
-        place, chosen = f"NBest[{index}]", _lower(best[0])
+        chosen = _lower(best[0])
         words = list(children(chosen, "words", place))
         entries += [_azure_entry(document, inner, _lower(item)) for inner, item in words]
         said = _lower(phrase) | {"word": first(chosen, ("display", "lexical"))}
@@ -192,7 +182,7 @@ def read_rev(document: Document) -> Entries | None:
     """``{"monologues": [{"elements": [{"type": "text", "value", "ts", "end_ts"}]}]}``.
 
     Raises:
-        InputFileError: Several speakers: one file per speaker is expected.
+        ContentError: Several speakers: one file per speaker is expected.
     """
     if not has(document.get("monologues"), "elements"):
         return None
@@ -218,8 +208,8 @@ def _results(document: Document, key: str) -> list[Item] | None:
         value = document.get("response")
     if isinstance(value, list):
         if has(value, key) and not has(value, "text"):
-            return [(f"[{index}]", item) for index, item in enumerate(value)]
-        answers = [(f"[{index}]", item) for index, item in enumerate(value)]
+            return numbered(value)
+        answers = numbered(value)
     else:
         answers = [("", value)]
     found = [
@@ -236,8 +226,7 @@ def _results(document: Document, key: str) -> list[Item] | None:
 
 def _require_one(document: Document, count: int, what: str) -> None:
     if count > 1:
-        raise InputFileError(
-            document.path,
+        raise ContentError(
             f"holds the words of {count} {what}",
             hint="one file per speaker is expected: keep the words of one",
         )

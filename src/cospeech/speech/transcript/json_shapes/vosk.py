@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from cospeech.speech.transcript.entries import Entries
-from cospeech.speech.transcript.json_shapes.items import Document, Item, children, has
+from cospeech.speech.transcript.json_shapes.items import (
+    Document,
+    Item,
+    below,
+    children,
+    has,
+    numbered,
+)
 
 
 def read_vosk(document: Document) -> Entries | None:
@@ -15,17 +22,15 @@ def read_vosk(document: Document) -> Entries | None:
     is_list = has(value, "result") or (has(value, "alternatives") and has(value, "text"))
     utterances: list[Item]
     if is_list:
-        utterances = [(f"[{index}]", item) for index, item in enumerate(value)]
+        utterances = numbered(value)
     elif document.list_of("result") is not None or has(document.get("alternatives"), "result"):
         utterances = [("", value)]
     else:
         return None
     entries = []
     for place, utterance in utterances:
-        for inner, alternative in children(utterance, "alternatives", place):
-            place, utterance = inner, alternative
-            break
-        entries += [document.entry(*item) for item in children(utterance, "result", place)]
+        best, said = next(children(utterance, "alternatives", place), (place, utterance))
+        entries += document.entries(children(said, "result", best))
     return Entries(tuple(entries))
 
 
@@ -34,10 +39,8 @@ def read_deepspeech(document: Document) -> Entries | None:
     if not has(document.get("transcripts"), "words"):
         return None
     entries = []
-    for place, transcript in children(document.value, "transcripts"):
-        for inner, item in children(transcript, "words", place):
-            if isinstance(item, dict):  # some versions write "start_time "
-                item = {str(key).strip(): value for key, value in item.items()}
-            entries.append(document.entry(inner, item))
-        break
+    for place, item in below(document.value, "transcripts[0].words"):
+        if isinstance(item, dict):  # some versions write "start_time "
+            item = {str(key).strip(): value for key, value in item.items()}
+        entries.append(document.entry(place, item))
     return Entries(tuple(entries))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 from itertools import chain
+from operator import add
 from typing import Any
 
-from cospeech.errors import InputFileError
+from cospeech.errors import ContentError
 from cospeech.speech.transcript.entries import Entries, Entry
 from cospeech.speech.transcript.json_shapes.items import (
     Document,
@@ -40,11 +41,8 @@ def read_segments(document: Document) -> Entries | None:
     if not isinstance(value, dict) or not isinstance(value.get("segments"), list):
         return _words_beside(document, value)
     segments = list(children(value, "segments"))
-    listed = [
-        [document.entry(*item) for item in children(segment, "words", place)]
-        for place, segment in segments
-    ]
-    is_aligned = any(map(_is_timed, chain.from_iterable(listed)))
+    listed = [document.entries(children(segment, "words", place)) for place, segment in segments]
+    is_aligned = any(word.is_timed for word in chain.from_iterable(listed))
     if not is_aligned:
         beside = _words_beside(document, value)
         if beside is not None:
@@ -54,7 +52,7 @@ def read_segments(document: Document) -> Entries | None:
     phrases = 0
     for (place, segment), words in zip(segments, listed, strict=True):
         has_text = isinstance(segment, dict) and isinstance(first(segment, ("text", "body")), str)
-        if has_text and not any(map(_is_timed, words)):
+        if has_text and not any(word.is_timed for word in words):
             entry = document.entry(place, segment, is_phrase=True)
             entries.append(entry)
             phrases += bool(entry.text.strip())
@@ -73,7 +71,7 @@ def _in_place(
     """Words from the start of the recording, and a note where theirs count from the segment's.
 
     Raises:
-        InputFileError: Most segments' words lie before them, wherever their times count from.
+        ContentError: Most segments' words lie before them, wherever their times count from.
     """
     spans = []
     for (start, end), words in zip(times, listed, strict=True):
@@ -87,15 +85,14 @@ def _in_place(
     is_off = any(_misfit(*span) > _OFF_S for span in spans)
     if is_off and all(_misfit(0.0, end - start, *inner) <= _FITS_S for start, end, *inner in spans):
         moved = [
-            [_later(word, start or 0.0) for word in words]
+            [word.retimed(partial(add, start or 0.0)) for word in words]
             for (start, _), words in zip(times, listed, strict=True)
         ]
         return moved, ["its words' times count from their segment's start, which was added"]
     before = [span for span in spans if span[3] <= span[0] - _LOOSE_S]
     if 2 * len(before) > len(spans):
         start, _, _, last = before[0]
-        raise InputFileError(
-            document.path,
+        raise ContentError(
             f"its words lie before their segments: one that starts at {start:g} has words up to"
             f" {last:g}",
             hint="give words' times from the start of the recording",
@@ -112,18 +109,9 @@ def _misfit(start: float, end: float, first_time: float, last_time: float) -> fl
     return max(start - first_time, last_time - end)
 
 
-def _later(word: Entry, by: float) -> Entry:
-    start, end = (None if time is None else time + by for time in (word.start, word.end))
-    return replace(word, start=start, end=end)
-
-
-def _is_timed(entry: Entry) -> bool:
-    return entry.start is not None or entry.end is not None
-
-
 def _within(words: list[Entry], start: float | None, end: float | None) -> list[Entry]:
     """The words of a segment, of which those at its ends that have no time lie within it."""
-    timed = [index for index, word in enumerate(words) if _is_timed(word)]
+    timed = [index for index, word in enumerate(words) if word.is_timed]
     if not timed:
         return words
     head, tail = words[: timed[0]], words[timed[-1] + 1 :]
@@ -140,8 +128,12 @@ def _words_beside(document: Document, value: Any) -> Entries | None:
         if isinstance(value, dict) and value.get(key) and isinstance(value[key], list):
             if key == "words" and "segments" not in value:
                 return None
-            entries = tuple(document.entry(*item) for item in children(value, key))
-            if key == "words" or any(map(_is_timed, entries)) or not value.get("segments"):
+            entries = tuple(document.entries(children(value, key)))
+            if (
+                key == "words"
+                or any(entry.is_timed for entry in entries)
+                or not value.get("segments")
+            ):
                 return Entries(entries)
     return None
 
@@ -150,7 +142,7 @@ def read_chunks(document: Document) -> Entries | None:
     """Hugging Face pipelines: ``{"chunks": [{"text", "timestamp": [start, end]}]}``.
 
     Raises:
-        InputFileError: The times start again, as those of parts of a recording do.
+        ContentError: The times start again, as those of parts of a recording do.
     """
     if not has(document.get("chunks"), "timestamp"):
         return None
@@ -161,8 +153,7 @@ def read_chunks(document: Document) -> Entries | None:
             chunk = {**chunk, "start": times[0], "end": times[1]}
         entry = document.entry(place, chunk)
         if entries and _starts_again(entries[-1], entry):
-            raise InputFileError(
-                document.path,
+            raise ContentError(
                 f"its times start again at {entry.start:g} s, after {entries[-1].end:g} s",
                 place,
                 "transcribe it with times from the start of the whole recording, or add to the"
