@@ -20,9 +20,7 @@ from cospeech.speech.speech import SAMPLE_RATE, Speech
 from cospeech.speech.text.contextual import ContextualVectors
 from cospeech.speech.text.vectors import StaticVectors, WordVectors
 
-Audio = Literal[
-    "spectrogram", "mfcc", "prosody", "mfcc_prosody", "spectrogram_prosody", "none"
-]
+Audio = Literal["spectrogram", "mfcc", "prosody", "mfcc_prosody", "spectrogram_prosody", "none"]
 Text = Literal["contextual", "static", "none"]
 
 SILENT_SPECTROGRAM = -12.0
