@@ -11,11 +11,12 @@ from collections.abc import Iterable, Mapping
 
 from cospeech.corpus.features.acoustics import ACOUSTICS, ENERGY, MFCC, PITCH
 from cospeech.corpus.features.audio import AUDIO
-from cospeech.corpus.features.cepstra import CEPSTRA, STATIC_CEPSTRA
+from cospeech.corpus.features.cepstra import CEPSTRA, GESTICULATOR_CEPSTRA, STATIC_CEPSTRA
 from cospeech.corpus.features.field import Field, FieldSource
 from cospeech.corpus.features.joints import JOINTS, PHASES, POSES, WRISTS
 from cospeech.corpus.features.mel import GESTICULATOR, TRIMODAL
 from cospeech.corpus.features.positions import POSITIONS
+from cospeech.corpus.features.prosody import GESTICULATOR_PROSODY
 from cospeech.corpus.features.rotations import ROOT, ROTATIONS
 from cospeech.corpus.features.speakers import SPEAKERS
 from cospeech.corpus.features.spoken_words import SPOKEN_WORDS
@@ -54,6 +55,8 @@ FIELDS: Mapping[str, Field] = {
         STATIC_CEPSTRA,
         TRIMODAL,
         GESTICULATOR,
+        GESTICULATOR_CEPSTRA,
+        GESTICULATOR_PROSODY,
         MATCHED,
     )
 }

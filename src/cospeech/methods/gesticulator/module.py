@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
-from typing import Any, ClassVar, Literal, cast, get_args
+from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
 import torch
@@ -12,15 +13,12 @@ from torch import Tensor
 
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
-from cospeech.corpus.features.field import SpeechField
-from cospeech.corpus.features.mel import gesticulator_mel
 from cospeech.corpus.features.positions import at_evaluation_rate
-from cospeech.corpus.features.spoken_words import silence, spoken_words
-from cospeech.corpus.features.word_vectors import Packaged
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, require_choice, require_range
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.gesticulator.inputs import Audio, Text, speech_inputs
 from cospeech.methods.gesticulator.losses import VelocityAxis, pose_loss, velocity_loss
 from cospeech.methods.gesticulator.networks import (
     AHEAD,
@@ -32,19 +30,16 @@ from cospeech.methods.gesticulator.networks import (
 )
 from cospeech.methods.gesticulator.schedule import EPOCHS_WITHOUT, Schedule, history_of_epoch
 from cospeech.methods.streams import Stream, WholeUtterance
-from cospeech.motion.codecs import ExponentialMapCodec
+from cospeech.motion.codecs import ExponentialMapCodec, PrincipalComponentCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import to_upper_body
 from cospeech.nn.modes import evaluating
 from cospeech.speech.speech import Speech, covering_frames
-from cospeech.speech.text.contextual import ContextualVectors
-from cospeech.speech.text.vectors import StaticVectors, WordVectors
 from cospeech.training.losses import WeighedLosses
 from cospeech.training.steps import descend, log_losses
 
-Audio = Literal["spectrogram", "none"]
-Text = Literal["contextual", "static", "none"]
+logger = logging.getLogger(__name__)
 
 JOINTS = (
     *("LeftHand", "LeftForeArm", "LeftArm", "LeftShoulder"),
@@ -52,9 +47,6 @@ JOINTS = (
     *("Head", "Neck1", "Neck", "Spine3", "Spine2", "Spine1", "Spine"),
 )
 """The joints whose rotations are made, in the published order of channels."""
-
-SILENT_AUDIO = -12.0
-"""Of every band, before and after a speech, as published."""
 
 FPS = 20.0
 _TRAINED_FRAMES, _JUDGED_FRAMES = 40, 100
@@ -71,7 +63,8 @@ class Gesticulator(GestureMethod):
 
     Args:
         corpus: Skeleton and speakers of the training corpus.
-        audio: ``"spectrogram"`` (64 log-mel bands) or ``"none"``.
+        audio: ``"spectrogram"`` (64 log-mel bands), ``"mfcc"`` (26 cepstra), ``"prosody"`` (energy,
+            pitch and how they change), ``"mfcc_prosody"``, ``"spectrogram_prosody"`` or ``"none"``.
         text: ``"contextual"`` vectors of a language model, ``"static"`` ones of a fastText file, or
             ``"none"``.
         language_model: Folder or hub name of a `transformers` encoder for contextual vectors, such
@@ -79,6 +72,8 @@ class Gesticulator(GestureMethod):
         special_tokens: Give sentences to the language model with its start and end tokens; the
             published code takes them away.
         word_vectors: fastText file for static vectors.
+        pca: Poses are so many principal components of the training poses; None: the rotations
+            themselves. The paper's 12 keep 95 % of its variance.
         conditioning: ``"film"``, ``"concatenation"`` or ``"none"`` (`GesticulatorNetwork`).
         schedule: ``"paper"``, ``"released"``, ``"forced"`` or ``"own"`` (`history_of_epoch`).
         epochs_without_history: First epochs that don't look at earlier poses.
@@ -96,8 +91,8 @@ class Gesticulator(GestureMethod):
         learning_rate: Adam's.
 
     Raises:
-        ConfigError: A value that is not among the choices or out of range, or neither audio nor
-            text, or static text without a file.
+        ConfigError: A value that is not among the choices or out of range, neither audio nor text,
+            or static text without a file.
     """
 
     window = WindowSpec(
@@ -119,6 +114,7 @@ class Gesticulator(GestureMethod):
         language_model: str | None = None,
         special_tokens: bool = False,
         word_vectors: str | None = None,
+        pca: int | None = None,
         conditioning: Conditioning = "film",
         schedule: Schedule = "paper",
         epochs_without_history: int = EPOCHS_WITHOUT,
@@ -135,35 +131,31 @@ class Gesticulator(GestureMethod):
         learning_rate: float = 1e-4,
     ) -> None:
         super().__init__()
-        require_choice("model.audio", audio, get_args(Audio))
-        require_choice("model.text", text, get_args(Text))
         require_choice("model.schedule", schedule, get_args(Schedule))
         require_choice("model.velocity_axis", velocity_axis, get_args(VelocityAxis))
         require_range("model.epochs_without_history", epochs_without_history, 0)
-        if audio == text == "none":
-            raise ConfigError(
-                "model.audio=none and model.text=none leave nothing to gesture to",
-                "leave one of the two in",
-            )
+        require_range("model.velocity_weight", velocity_weight, 0)
+        require_range("model.dropout", dropout, 0, 1)
+        require_range("model.conditioning_dropout", conditioning_dropout, 0, 1)
         self.save_hyperparameters(logger=False)
         self.speakers = list(corpus["speakers"])
         self.schedule, self.epochs_without_history = schedule, epochs_without_history
         self.velocity_weight, self.velocity_axis = velocity_weight, velocity_axis
         self.mask_per_window, self.learning_rate = mask_per_window, learning_rate
-        fields = list[SpeechField]()
-        edges = list[np.ndarray]()
-        if audio == "spectrogram":
-            fields.append(gesticulator_mel(published_hop))
-            edges.append(np.full(fields[-1].width or 0, SILENT_AUDIO, dtype=np.float32))
-        if text != "none":
-            provider = _provider(text, language_model, special_tokens, word_vectors)
-            fields.append(spoken_words(provider, published_timing))
-            edges.append(silence(provider))
-        self.fields = tuple(fields)
+        inputs = speech_inputs(
+            audio,
+            text,
+            language_model,
+            special_tokens,
+            word_vectors,
+            published_hop,
+            published_timing,
+        )
+        self.fields = inputs.fields
         self.window = replace(self.window, own_fields=self.fields)
-        self.needs = self.needs | {field.name for field in fields}  # type: ignore[misc]
-        self.register_buffer("silence", torch.from_numpy(np.concatenate(edges)), persistent=False)
-        self.codec = ExponentialMapCodec(Skeleton.from_dict(corpus["skeleton"]), JOINTS)
+        self.needs = self.needs | {field.name for field in self.fields}  # type: ignore[misc]
+        self.register_buffer("silence", torch.from_numpy(inputs.silence), persistent=False)
+        self.codec = _codec(Skeleton.from_dict(corpus["skeleton"]), pca)
         self.register_buffer("mean_pose", torch.zeros(self.codec.size))
         self.network = GesticulatorNetwork(
             len(cast(Tensor, self.silence)),
@@ -184,6 +176,12 @@ class Gesticulator(GestureMethod):
         rotations = torch.from_numpy(loader.dataset.every_frame("rotations")).to(self.device)
         self.codec.fit(rotations)
         cast(Tensor, self.mean_pose).copy_(self.codec.encode(rotations).mean(dim=0))
+        if isinstance(self.codec, PrincipalComponentCodec):
+            logger.info(
+                "%d principal components keep %.1f %% of the training poses' variance",
+                self.codec.size,
+                100 * self.codec.variance_kept,
+            )
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Adam."""
@@ -263,15 +261,15 @@ class Gesticulator(GestureMethod):
         return self.codec.motion(poses, self.window.fps)
 
 
-def _provider(
-    text: Text, language_model: str | None, special_tokens: bool, word_vectors: str | None
-) -> WordVectors:
-    if text == "static":
-        if word_vectors is None:
-            raise ConfigError(
-                "model.text=static has no vectors", "name a fastText file: model.word_vectors=FILE"
-            )
-        return StaticVectors(word_vectors)
-    if language_model is None:
-        return Packaged(special_tokens)
-    return ContextualVectors(language_model, special_tokens=special_tokens)
+def _codec(skeleton: Skeleton, pca: int | None) -> ExponentialMapCodec | PrincipalComponentCodec:
+    rotations = ExponentialMapCodec(skeleton, JOINTS)
+    if pca is None:
+        return rotations
+    if pca != int(pca):
+        raise ConfigError(
+            f"model.pca={pca} is no number of components",
+            f"give a whole number from 1 to {rotations.size}; a run says what of the variance it"
+            " keeps",
+        )
+    require_range("model.pca", pca, 1, rotations.size)
+    return PrincipalComponentCodec(rotations, int(pca))

@@ -73,7 +73,7 @@ class GesticulatorNetwork(nn.Module):
         super().__init__()
         require_choice("model.conditioning", conditioning, get_args(Conditioning))
         require_choice("model.initialisation", initialisation, get_args(Initialisation))
-        self.pose_size, self.conditioning = pose_size, conditioning
+        self.speech_size, self.pose_size, self.conditioning = speech_size, pose_size, conditioning
         self.encode_frame = nn.Sequential(
             Block(speech_size, FRAME_SIZES[0], dropout), Block(*FRAME_SIZES, dropout)
         )
