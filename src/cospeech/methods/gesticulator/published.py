@@ -1,6 +1,6 @@
 """Weights of the published code, without running anything that a checkpoint brings along.
 
-See docs/facts/trinity_and_gesticulator.md, section 4.6.
+See docs/facts/trinity_and_gesticulator.md, section 4.7.
 """
 
 from __future__ import annotations
