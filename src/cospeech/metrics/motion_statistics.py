@@ -10,13 +10,10 @@ from torch import Tensor
 from cospeech.metrics.evaluation_windows import EvaluationWindows
 from cospeech.metrics.movement import derivative_sizes
 from cospeech.metrics.window_metric import Comparison, MeanOverWindows
-from cospeech.motion.upper_body import EVALUATION_FPS, UPPER_BODY
+from cospeech.motion.upper_body import EVALUATION_FPS, MOVING_JOINTS
 
 UnitOfTime = Literal["second", "frame"]
 """What a derivative is by."""
-
-MOVING_JOINTS = tuple(j for j, parent in enumerate(UPPER_BODY.parents) if parent >= 0)
-"""All evaluation joints but the root, which is the origin in every frame."""
 
 
 class _MeanDerivative(MeanOverWindows):
