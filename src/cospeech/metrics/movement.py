@@ -26,7 +26,7 @@ def derivative_sizes(positions: ArrayLike, order: int, fps: float) -> Array:
     ``|| d(t) || * fps^order`` where ``d`` is the difference of positions from frame to frame, of
     order 1 for speed, 2 for acceleration and 3 for jerk. Both conventions of published tables are
     this number: of seconds with the motion's own ``fps``, and of frames with ``fps=1``, by which
-    table 3 of Kucherenko et al. 2020 was printed.
+    table 3 of Kucherenko et al. 2020 was printed (docs/facts/metrics.md, section 4).
 
     Args:
         positions: ``(..., T, J, 3)``, in any unit of length.

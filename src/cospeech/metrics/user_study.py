@@ -1,8 +1,9 @@
 """Statistics of user studies: what a number of preferences or of ratings says.
 
-Pairwise preferences are tested as Kucherenko et al. 2020 do (section 7): a two-sided binomial test
-without the ties, corrected by Holm's procedure over all questions of a study, beside the share that
-prefers one side with a 95 % interval. Ratings of the same items are tested by the signed-rank test.
+Pairwise preferences are tested as Kucherenko et al. 2020 do (docs/facts/metrics.md, section 5): a
+two-sided binomial test without the ties, corrected by Holm's procedure over all questions of a
+study, beside the share that prefers one side with a 95 % interval. Ratings of the same items are
+tested by the signed-rank test.
 
 Both tests take answers as independent. Answers of one person, or about one clip, are not quite:
 with twenty of each person the p-values are too small. Where there are persons enough, test one
