@@ -18,6 +18,7 @@ from cospeech.studies.motion_statistics import (
     motion_statistics,
     plot_motion_statistics,
 )
+from cospeech.studies.trained_system import TrainedSystem
 from tests.corpora import REST_POSE, make_store
 
 RIGHT = UPPER_BODY.index["right_wrist"]
@@ -34,12 +35,31 @@ class Sliding(torch.nn.Module):
         return Motion(UPPER_BODY, 30.0, motion)
 
 
+class Still(torch.nn.Module):
+    def generate(self, speech, speaker, generator):
+        return Motion(UPPER_BODY, 15.0, REST_POSE[None].repeat(150, axis=0))
+
+
+def test_runs_of_one_name_are_one_system(tmp_path):
+    store = make_store(tmp_path)
+    systems = [TrainedSystem("full", 0, Sliding()), TrainedSystem("full", 1, Still())]
+    found = motion_statistics(store, systems, "train", tmp_path)["systems"]
+    assert list(found) == ["recorded", "full"]
+    speeds = found["full"]["per_recording"]["speed"]
+    np.testing.assert_allclose(speeds, 4 * [1.9] + 4 * [0], rtol=1e-4)
+    assert len(found["full"]["per_recording"]["rmse"]) == 8
+    assert len(found["recorded"]["per_recording"]["speed"]) == 4
+
+
 def test_a_run_beside_what_was_recorded(tmp_path, capsys):
     store = make_store(tmp_path)
-    found = motion_statistics(store, Sliding(), "train", tmp_path, about=[("run", "r")])
+    systems = [TrainedSystem("no_text", 0, Still()), TrainedSystem("full", 0, Sliding())]
+    found = motion_statistics(store, systems, "train", tmp_path, about=[("runs", "r")])
     assert json.loads((tmp_path / "motion_statistics.json").read_text()) == found
-    assert found["run"] == "r"
-    made, real = (found["systems"][name] for name in ("generated", "recorded"))
+    assert found["runs"] == "r"
+    assert list(found["systems"]) == ["recorded", "full", "no_text"]
+    assert set(found["systems"]["no_text"]["per_recording"]["acceleration"]) == {0}
+    made, real = (found["systems"][name] for name in ("full", "recorded"))
     assert len(made["per_recording"]["speed"]) == 4
     # nine joints at 0.9, and one of them at another 9
     np.testing.assert_allclose(made["per_recording"]["speed"], 1.9, rtol=1e-4)

@@ -1,4 +1,4 @@
-"""Table 3 and figure 4 of Kucherenko et al. 2020 for any run: how strongly its motion is moved."""
+"""Table 3 and figure 4 of Kucherenko et al. 2020 for any runs: how strongly motion is moved."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.evaluation import generated_motions, long_enough
-from cospeech.methods.base import GestureMethod
 from cospeech.metrics.functional import joint_mae, position_error, root_mean_square_error
 from cospeech.metrics.movement import derivative_sizes, histogram
 from cospeech.motion.motion import resample_positions
@@ -23,6 +22,7 @@ from cospeech.reporting.charts import SERIES, chart_style, colour, new_figure, s
 from cospeech.reporting.markup import one_line
 from cospeech.reporting.record import write_json
 from cospeech.reporting.tables import Column, format_table, summarise
+from cospeech.studies.trained_system import TrainedSystem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,20 +64,20 @@ class SystemStatistics:
 
 def motion_statistics(
     store: Store,
-    method: GestureMethod,
+    systems: Sequence[TrainedSystem],
     split: str,
     folder: Path,
     about: Sequence[tuple[str, str]] = (),
 ) -> dict[str, Any]:
-    """Measure how strongly a run's motion is moved, beside recorded motion of the same speech.
+    """Measure how strongly runs' motion is moved, beside recorded motion of the same speech.
 
     The motion is that of the recordings protocol. Prints a table of means and standard deviations
     over recordings and writes ``motion_statistics.json`` and ``motion_statistics.png``: histograms
     of the wrists' speed and acceleration, with what is beyond the last bin.
 
     Args:
-        store: The corpus of the run.
-        method: The run's.
+        store: The corpus of the runs.
+        systems: The runs; those of one name are one system.
         split: The part to judge on.
         folder: Where the files go.
         about: What else a reader must know to do the study again.
@@ -94,17 +94,21 @@ def motion_statistics(
             f"{store.name}: no {split} recording has sound and is as long as a window",
             "raise data.val_share and data.test_share, or choose another split",
         )
-    recorded, generated = [], []
-    motions = generated_motions(method, store, spans, f"generating {split} recordings")
-    for span, motion in zip(spans, motions, strict=True):
-        real = store.upper_body_motion(span).positions
-        made = resample_positions(motion.positions, motion.fps, EVALUATION_FPS)
-        frames = min(len(real), len(made))
-        recorded.append(real[:frames, list(MOVING_JOINTS)])
-        generated.append(made[:frames, list(MOVING_JOINTS)])
-    systems = {
-        RECORDED: measure_motion(recorded),
-        "generated": measure_motion(generated, recorded),
+    recorded = [_moving(store.upper_body_motion(span).positions) for span in spans]
+    motions = {RECORDED: (recorded, recorded)}
+    for system in sorted(systems, key=lambda one: (one.name != "full", one.name, one.seed)):
+        made, real = motions.setdefault(system.name, ([], []))
+        title = f"generating {split} recordings with {system.name}, seed {system.seed}"
+        for motion, own in zip(
+            generated_motions(system.method, store, spans, title), recorded, strict=True
+        ):
+            positions = resample_positions(motion.positions, motion.fps, EVALUATION_FPS)
+            frames = min(len(own), len(positions))
+            made.append(_moving(positions[:frames]))
+            real.append(own[:frames])
+    measured = {
+        name: measure_motion(made, None if name == RECORDED else real)
+        for name, (made, real) in motions.items()
     }
     result: dict[str, Any] = {
         **dict(about),
@@ -120,15 +124,19 @@ def motion_statistics(
                 "per_recording": dict(system.per_recording),
                 "histograms": {key: h.tolist() for key, h in system.histograms.items()},
             }
-            for name, system in systems.items()
+            for name, system in measured.items()
         },
     }
     write_json(folder / "motion_statistics.json", result)
     picture = folder / "motion_statistics.png"
-    plot_motion_statistics(systems, f"{store.name}, {split}", picture)
-    print(statistics_table(systems))
+    plot_motion_statistics(measured, f"{store.name}, {split}", picture)
+    print(statistics_table(measured))
     print(f"\n{len(spans)} {split} recordings of {store.name} at 15 fps; figure: {picture}")
     return result
+
+
+def _moving(positions: NDArray[np.floating]) -> NDArray[np.floating]:
+    return positions[:, list(MOVING_JOINTS)]
 
 
 def measure_motion(
