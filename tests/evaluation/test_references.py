@@ -196,6 +196,14 @@ def test_the_mean_pose_and_what_is_damped_towards_it_are_the_training_s():
     from_pose = (real.double() - pose)[:, 4:].abs().mean().item()
     assert rows["mean_pose"]["joint_mae"] == pytest.approx(from_pose, rel=1e-5)
     assert rows["attenuated"]["joint_mae"] == pytest.approx(0.2 * from_pose, rel=1e-5)
+    # The rows of recorded motion say how strongly that is moved, whatever speech it stands beside.
+    for name, order in (("acceleration", 2), ("jerk", 3)):
+        sides = {"real_train": train, "mismatched": real, "time_reversed": real}
+        for row, side in sides.items():
+            sizes = 15**order * torch.diff(side[:, :, 1:].double(), order, dim=1).norm(dim=-1)
+            assert rows[row][name] == pytest.approx(sizes.mean().item(), rel=1e-5)
+        assert rows["attenuated"][name] == pytest.approx(0.8 * rows["mismatched"][name], rel=1e-4)
+        assert rows["mean_pose"][name] == 0
 
 
 def test_batches_of_a_side_are_compared_with_the_real_windows_once():

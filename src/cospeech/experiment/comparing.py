@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,15 +15,19 @@ from cospeech.experiment.building import build, require_same
 from cospeech.experiment.finished_run import CHECKPOINTS, FinishedRun, open_run
 from cospeech.experiment.own_or_given import corpus_of, encoder_of
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import HasSchedule, HoldsPhaseClassifier, MakesJoints
 from cospeech.reporting.collect import collect
-from cospeech.studies.multi_adversary_figures import TrainedSystem
+from cospeech.studies.trained_system import TrainedSystem
 
 logger = logging.getLogger(__name__)
 
 
 def compare_runs(cfg: DictConfig, folder: Path) -> Any:
     """Load the finished runs under ``cfg.runs`` and hand them to the study.
+
+    A study that judges phases, by a ``classifier``, gets the runs that make gesturing joints; any
+    other those of all methods.
 
     Args:
         cfg: Composed from ``conf/evaluate.yaml`` and a study with ``runs``.
@@ -38,15 +43,23 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
     if cfg.checkpoint not in CHECKPOINTS:
         raise ConfigError(f"checkpoint={cfg.checkpoint!r} is not one of {', '.join(CHECKPOINTS)}")
     runs = _finished_below(cfg.runs, cfg.checkpoint)
-    makers = [run for run in runs if issubclass(run.method, MakesJoints)]
-    if not makers:
+    study = build(cfg.study_task)
+    wanted = inspect.signature(study).parameters
+    judges_phases = "classifier" in wanted
+    capable = MakesJoints if judges_phases else GestureMethod
+    makers = [run for run in runs if issubclass(run.method, capable)]
+    if not makers and judges_phases:
         raise ConfigError(
             f"runs={cfg.runs}: of {len(runs)} finished runs none makes gesturing joints",
             "train some first: python train.py study=multi_adversary_ablations",
         )
+    if not makers:
+        raise ConfigError(
+            f"runs={cfg.runs}: of {len(runs)} finished runs none makes motion",
+            "give a folder with runs of a method: runs=outputs/runs/ID, or outputs/studies/NAME",
+        )
     _require_one_study(makers)
     store = corpus_of(makers[0], cfg)
-    encoder, _ = encoder_of(makers[0], cfg, store)
     systems: list[TrainedSystem] = []
     for run in makers:
         require_same(run.fingerprint, store.fingerprint, f"{run.folder}: the corpus")
@@ -57,20 +70,17 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
                 "train it to its end (ckpt_path=last), or say checkpoint=best",
             )
         systems.append(TrainedSystem(_name(run), run.seed, model))
-    classifier, judge = _phase_judge(cfg.classifier, systems)
-    return build(cfg.study_task)(
-        store=store,
-        encoder=encoder,
-        split=cfg.split,
-        folder=folder,
-        systems=systems,
-        classifier=classifier,
-        about=[
-            ("checkpoints", str(cfg.checkpoint)),
-            ("runs", ", ".join(run.folder.name for run in makers)),
-            ("phases judged by", judge),
-        ],
-    )
+    about = [
+        ("checkpoints", str(cfg.checkpoint)),
+        ("runs", ", ".join(run.folder.name for run in makers)),
+    ]
+    given: dict[str, Any] = {}
+    if "encoder" in wanted:
+        given["encoder"], _ = encoder_of(makers[0], cfg, store)
+    if judges_phases:
+        given["classifier"], judge = _phase_judge(cfg.classifier, systems)
+        about.append(("phases judged by", judge))
+    return study(store=store, split=cfg.split, folder=folder, systems=systems, about=about, **given)
 
 
 def _finished_below(folder: str, checkpoint: str) -> list[FinishedRun]:

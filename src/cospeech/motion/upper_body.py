@@ -29,6 +29,7 @@ __all__ = [
     "EVALUATION_FPS",
     "EVALUATION_FRAMES",
     "EVALUATION_STRIDE",
+    "MOVING_JOINTS",
     "TED_AXES",
     "UPPER_BODY",
     "JointBlend",
@@ -53,6 +54,9 @@ UPPER_BODY = Skeleton(
     parents=(-1, 0, 1, 2, 1, 4, 5, 1, 7, 8),
 )
 """The ten evaluation joints, in the order of the TED set (left arm first)."""
+
+MOVING_JOINTS = tuple(j for j, parent in enumerate(UPPER_BODY.parents) if parent >= 0)
+"""All of the ten but the root, which is the origin in every frame."""
 
 TED_AXES = (-1.0, -1.0, 1.0)
 """Signs that take house axes to those of the TED set (x right, y down, z forward)."""
