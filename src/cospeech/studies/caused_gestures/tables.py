@@ -88,14 +88,14 @@ def tables(systems: Sequence[SystemNumbers], concepts: int, style: Style) -> str
 def _notes(systems: Sequence[SystemNumbers], concepts: int) -> list[str]:
     counts = systems[0].counts
     notes = [
-        "Recorded motion is the most that can be had; mismatched speech (motion of other takes of the"
-        " same speaker) and the mean pose are what knowing nothing gives.",
+        "Recorded motion is the most that can be had; mismatched speech (motion of other takes of"
+        " the same speaker) and the mean pose are what knowing nothing gives.",
         f"Concept recognised: which of {concepts} concepts a stroke's wrist movement is likest to;"
         " by luck: the concepts of the same take's other strokes. Its place: share of the other"
         " concepts that are less like it (0.5 is luck).",
         "Answered: share of the steps between strokes that are slower than those of a stroke (0.5"
-        " is luck). Met: a peak of the wrists' speed within 0.2 s of the beat's middle; by chance: of"
-        " the beats shifted around. Lag: where wrists are fastest, seconds after the recorded"
+        " is luck). Met: a peak of the wrists' speed within 0.2 s of the beat's middle; by chance:"
+        " of the beats shifted around. Lag: where wrists are fastest, seconds after the recorded"
         " beats.",
         f"Distance: to the training poses' mean, in their deviations. Long takes: of {LONG_S:g} s"
         " of gesturing and more. Speed of the wrists and spread of the poses within a take: of"
