@@ -40,8 +40,8 @@ BEAT = (0.0, -0.12, 0.0)
 
 
 def made_take(seed: int, moves=MOVES, seconds: float = 48.0) -> Take:
-    """A stroke every 1.2 to 2 s: the wrist goes smoothly in the concept's direction, then rests and
-    comes back slowly. A third are of words; of each hand there are as many."""
+    """A stroke every 1.2 to 2 s: the wrist goes smoothly in the concept's direction, rests, comes
+    back slowly and rests. A third are of words; of each hand there are as many."""
     rng = np.random.default_rng(seed)
     times = np.arange(round(seconds * FPS)) / FPS
     positions = np.repeat(REST_POSE[None], len(times), axis=0).astype(np.float64)
@@ -54,7 +54,7 @@ def made_take(seed: int, moves=MOVES, seconds: float = 48.0) -> Take:
         end, following = start + rng.uniform(0.4, 0.6), start + rng.uniform(1.2, 2.0)
         move = np.array(moves.get(concept, BEAT)) * rng.uniform(0.8, 1.2)
         there = np.clip((times - start) / (end - start), 0, 1)
-        back = np.clip((times - end) / (following - end), 0, 1)
+        back = np.clip((times - end - 0.2) / (following - end - 0.4), 0, 1)
         course = there**2 * (3 - 2 * there) - back
         positions[:, WRISTS[hands == "right"]] += course[:, None] * move
         strokes.append(Stroke(concept, hands, float(start), float(end)))
@@ -89,7 +89,7 @@ def test_recorded_motion_answers_everything(parts):
     assert of["concept_share"] > 0.98
     assert of["concept_place"] > 0.98
     assert of["concept_share_by_luck"] < 0.45
-    assert of["words_answered"] > 0.95
+    assert of["words_answered"] > 0.85
     # hands that come back from a large gesture are as fast as a beat
     assert of["beats_answered"] > 0.75
     assert of["beats_met"] > 0.98

@@ -37,7 +37,7 @@ def wrist_speeds(positions: ArrayLike, fps: float) -> Array:
     wrists = np.asarray(positions, dtype=np.float64)[:, WRISTS]
     speeds = np.linalg.norm(np.diff(wrists, axis=0), axis=-1).mean(axis=-1) * fps
     smoothed = np.convolve(np.pad(speeds, 1, mode="edge"), _SMOOTHING, mode="valid")
-    return smoothed.astype(np.float64)
+    return np.asarray(smoothed, dtype=np.float64)
 
 
 def step_times(steps: int, fps: float) -> Array:

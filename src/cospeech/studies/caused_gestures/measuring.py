@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 Totals = Mapping[str, Array]
 """Sums over takes by name."""
 
-LAGS_S = tuple(round(frame / EVALUATION_FPS, 4) for frame in range(-9, 10))
+LAGS_S = tuple(round(frame / EVALUATION_FPS, 4) for frame in range(-15, 16))
 """Seconds by which motion is taken to follow the recorded strokes."""
 
 LONG_S = 30.0
