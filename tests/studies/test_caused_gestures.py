@@ -91,9 +91,9 @@ def test_recorded_motion_answers_everything(parts):
     assert of["concept_share_by_luck"] < 0.45
     assert of["words_answered"] > 0.85
     # hands that come back from a large gesture are as fast as a beat
-    assert of["beats_answered"] > 0.75
+    assert of["beats_answered"] > 0.68
     assert of["beats_met"] > 0.98
-    assert of["beats_met_by_chance"] < 0.5
+    assert of["beats_met_by_chance"] < 0.6
     assert of["beats_lag_s"] == 0
     assert of["speed"] == pytest.approx(1)
     assert of["spread"] == pytest.approx(1)
@@ -118,7 +118,7 @@ def test_shifted_motion_loses_the_timing_and_the_lag_says_which_way(parts, frame
     assert of["beats_lag_s"] == pytest.approx(frames / FPS, abs=1e-3)
     assert of["beats_met"] < 0.2
     assert of["beats_lift"] < 0
-    assert of["beats_answered"] < 0.75
+    assert of["beats_answered"] < 0.4
 
 
 def test_damping_is_measured_and_costs_nothing_else(parts):
