@@ -30,6 +30,7 @@ _ANSWERS = (
     Column("beats_answered", "beats answered"),
     Column("beats_met", "beats met, %"),
     Column("beats_met_by_chance", "by chance, %"),
+    Column("beats_lift", "over chance"),
     Column("beats_lag_s", "lag, s"),
 )
 _POSES = (
@@ -48,7 +49,7 @@ _DIFFERENCES = (
     Column("concept_place", "its place"),
     Column("words_answered", "words answered"),
     Column("beats_answered", "beats answered"),
-    Column("beats_met", "beats met, %"),
+    Column("beats_lift", "beats met, over chance"),
     Column("drift", "drift"),
     Column("speed", "speed, %"),
     Column("spread", "spread, %"),
@@ -56,8 +57,8 @@ _DIFFERENCES = (
 _PERCENT = frozenset(
     ("concept_share", "concept_share_by_luck", "beats_met", "beats_met_by_chance")
 ) | {"speed", "spread"}
-_PLAIN = frozenset(("concept_share_by_luck", "beats_met_by_chance"))
-"""What is shown without its interval: it only says how to read the number before it."""
+_PLAIN = frozenset(("concept_share_by_luck", "beats_met", "beats_met_by_chance"))
+"""What is shown without its interval: it only says how to read the number beside it."""
 
 _COUNTS = frozenset(("known", "beats", "long", "takes"))
 
@@ -95,8 +96,8 @@ def _notes(systems: Sequence[SystemNumbers], concepts: int) -> list[str]:
         " concepts that are less like it (0.5 is luck).",
         "Answered: share of the steps between strokes that are slower than those of a stroke (0.5"
         " is luck). Met: a peak of the wrists' speed within 0.2 s of the beat's middle; by chance:"
-        " of the beats shifted around. Lag: where wrists are fastest, seconds after the recorded"
-        " beats.",
+        " of the beats shifted around; over chance: 0 is as many, 1 is all. Lag: where wrists are"
+        " fastest, seconds after the recorded beats.",
         f"Distance: to the training poses' mean, in their deviations. Long takes: of {LONG_S:g} s"
         " of gesturing and more. Speed of the wrists and spread of the poses within a take: of"
         " recorded motion's.",
