@@ -40,11 +40,12 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
             finished, or they don't belong together: several corpora, schedules, or runs of one
             name and seed.
     """
-    if OmegaConf.is_missing(cfg, "runs") or not cfg.runs:
+    named = None if OmegaConf.is_missing(cfg, "runs") else cfg.runs
+    folders = [named] if isinstance(named, str) else [str(each) for each in named or () if each]
+    if not folders:
         raise ConfigError("runs is not set", "add runs=DIR, a folder with finished runs below it")
     if cfg.checkpoint not in CHECKPOINTS:
         raise ConfigError(f"checkpoint={cfg.checkpoint!r} is not one of {', '.join(CHECKPOINTS)}")
-    folders = [cfg.runs] if isinstance(cfg.runs, str) else list(cfg.runs)
     runs = _finished_below(folders, cfg.checkpoint)
     study = build(cfg.study_task)
     if "classifier" in inspect.signature(study).parameters:

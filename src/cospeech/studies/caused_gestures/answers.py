@@ -37,13 +37,12 @@ def wrist_speeds(positions: ArrayLike, fps: float) -> Array:
     wrists = np.asarray(positions, dtype=np.float64)[:, WRISTS]
     speeds = np.linalg.norm(np.diff(wrists, axis=0), axis=-1).mean(axis=-1) * fps
     smoothed = np.convolve(np.pad(speeds, 1, mode="edge"), _SMOOTHING, mode="valid")
-    return np.asarray(smoothed, dtype=np.float64)
+    return smoothed.astype(np.float64)
 
 
 def step_times(steps: int, fps: float) -> Array:
     """``(steps,)`` seconds at which the steps of `wrist_speeds` are."""
-    times: Array = (np.arange(steps) + 0.5) / fps
-    return times
+    return (np.arange(steps, dtype=np.float64) + 0.5) / fps
 
 
 def within(times: Array, start_s: float, end_s: float) -> NDArray[np.bool_]:
