@@ -164,7 +164,8 @@ def test_every_quick_variant_composes():
 
 
 def test_the_other_command_lines_compose():
-    for study in ("fgd_noise", "control_adherence", "matching_synchrony", "motion_statistics"):
+    studies = ("fgd_noise", "control_adherence", "matching_synchrony", "motion_statistics")
+    for study in (*studies, "caused_gestures"):
         target = composed(f"study={study}", config="evaluate").study_task._target_
         assert target == f"cospeech.studies.{study}"
     assert composed("run=x", "audio=y", config="generate").checkpoint == "best"

@@ -5,12 +5,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from omegaconf import OmegaConf
 
-from cospeech.errors import ConfigError
-from cospeech.experiment import comparing
-from cospeech.experiment.comparing import _require_one_study, compare_runs
-from cospeech.methods.base import GestureMethod
+from cospeech.errors import ConfigError, CospeechError
+from cospeech.experiment import evaluate
+from cospeech.experiment.comparing import _full_name, _require_one_study, _require_seeds
+from tests.runs import Outputs, command
 
 CONFIG = {
     "model": {"learning_rate": 1e-4, "products_dir": "a"},
@@ -28,6 +27,7 @@ def run(folder, ablation, seed, **changes):
         seed=seed,
         config=config,
         experiment=experiment,
+        model="method",
         method=object,
     )
 
@@ -61,30 +61,49 @@ def test_what_is_no_row_of_the_same_study_is_refused(second, message):
     assert "runs=outputs/studies/NAME" in caught.value.hint
 
 
-def finished(folder, ablation, method):
-    found = run(folder, ablation, 0)
-    found.method, found.fingerprint = method, "f"
-    found.load = lambda store: (folder, store)
-    return found
+def test_runs_of_several_methods_and_experiments_may_be_compared():
+    """Where what is compared are methods, a name is the model's and the ablation's."""
+    runs = [
+        run("a", "full", 0),
+        run("b", "full", 1),
+        run("c", "method__no_motion", 0, learning_rate=1e-3, experiment=None),
+    ]
+    assert [_full_name(each) for each in runs] == ["method", "method", "method no_motion"]
+    _require_seeds(runs, _full_name, "judge it alone")
+    with pytest.raises(ConfigError, match="a and d have different settings") as caught:
+        _require_seeds([*runs, run("d", "full", 2, learning_rate=1e-3)], _full_name, "alone")
+    assert caught.value.hint == "alone"
 
 
-def test_a_study_that_judges_no_phases_gets_the_runs_of_any_method(monkeypatch, tmp_path):
-    runs = [finished("a", "full", GestureMethod), finished("b", "x__no_text", GestureMethod)]
-    judge = finished("c", "full", object)  # makes no motion
-    monkeypatch.setattr(comparing, "_finished_below", lambda *_: [*runs, judge])
-    store = SimpleNamespace(fingerprint="f")
-    monkeypatch.setattr(comparing, "corpus_of", lambda *_: store)
-
-    def study(store, systems, split, folder, about):
-        return [(one.name, one.seed, one.method) for one in systems], split, dict(about)["runs"]
-
-    monkeypatch.setattr(comparing, "build", lambda _: study)
-    cfg = OmegaConf.create(
-        {"runs": "r", "checkpoint": "best", "split": "val", "study_task": {"_target_": "x"}}
+@pytest.mark.parametrize("given", ["run={a}", "runs={folder}", "runs=[{a},{b},{a}]"])
+def test_a_study_of_methods_takes_a_run_a_folder_and_a_list(given, tmp_path, monkeypatch):
+    outputs = Outputs(tmp_path / "outputs")
+    a, b = (outputs.run(model, name=model) for model in ("trimodal", "multi_adversary"))
+    asked = []
+    monkeypatch.setattr(
+        "cospeech.studies.caused_gestures", lambda systems, **others: asked.append(systems)
     )
-    systems, split, names = compare_runs(cfg, tmp_path)
-    assert systems == [("full", 0, ("a", store)), ("no_text", 0, ("b", store))]
-    assert (split, names) == ("val", "a, b")
-    monkeypatch.setattr(comparing, "_finished_below", lambda *_: [judge])
-    with pytest.raises(ConfigError, match="of 1 finished runs none makes motion"):
-        compare_runs(cfg, tmp_path)
+    monkeypatch.setattr(
+        "cospeech.experiment.comparing._loaded", lambda runs, name, *_: [name(r) for r in runs]
+    )
+    given = given.format(a=a, b=b, folder=a.parent)
+    places = (f"outputs_dir={outputs.folder}", f"run_dir={tmp_path}")
+    with command("evaluate", "study=caused_gestures", given, *places) as cfg:
+        evaluate(cfg)
+    expected = {"trimodal"} if given.startswith("run=") else {"trimodal", "multi_adversary"}
+    assert sorted(asked[0]) == sorted(expected)
+
+
+def test_a_study_of_methods_says_what_it_lacks(tmp_path):
+    outputs = Outputs(tmp_path / "outputs")
+    places = (f"outputs_dir={outputs.folder}", f"run_dir={tmp_path}", "study=caused_gestures")
+    with (
+        command("evaluate", *places) as cfg,
+        pytest.raises(ConfigError, match="runs is not set"),
+    ):
+        evaluate(cfg)
+    with (
+        command("evaluate", *places, f"run={outputs.run()}") as cfg,
+        pytest.raises(CospeechError, match="nothing is known of what caused its gestures"),
+    ):
+        evaluate(cfg)

@@ -1,5 +1,6 @@
 """What `evaluate.py study=...` runs: evaluations of more than one number or run."""
 
+from cospeech.studies.caused_gestures import caused_gestures
 from cospeech.studies.control_adherence import control_adherence
 from cospeech.studies.matching_synchrony import matching_synchrony
 from cospeech.studies.motion_statistics import motion_statistics
@@ -7,6 +8,7 @@ from cospeech.studies.multi_adversary_figures import multi_adversary_figures
 from cospeech.studies.noise import fgd_noise
 
 __all__ = [
+    "caused_gestures",
     "control_adherence",
     "fgd_noise",
     "matching_synchrony",

@@ -1,4 +1,4 @@
-"""A finished run among those that a study compares."""
+"""A trained method among others that it is compared with."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from cospeech.methods.base import GestureMethod
 
 @dataclass(frozen=True, eq=False)
 class TrainedSystem:
-    """A trained method under the name of what was left out.
+    """A trained method under a name.
 
     Attributes:
-        name: ``"full"`` or e.g. ``"no_motion"``.
+        name: What it is, or what was left out of it: ``"full"``, ``"no_motion"``.
         seed: Of its training; several seeds of one name are one system.
-        method: With its weights.
+        method: The method with its weights.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Trained systems, and what they make for held-out speech."""
+"""What trained systems make for held-out speech."""
 
 from __future__ import annotations
 
