@@ -6,14 +6,13 @@ import logging
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
+from cospeech.evaluation import generated_motions
 from cospeech.motion.motion import Motion, resample_positions
 from cospeech.motion.upper_body import EVALUATION_FPS, to_upper_body
-from cospeech.progress import progress_bar
 from cospeech.studies.caused_gestures.measuring import SystemMotion
 from cospeech.studies.caused_gestures.strokes import Take
 from cospeech.studies.trained_system import TrainedSystem
@@ -79,19 +78,9 @@ def generated_motion(system: TrainedSystem, store: Store, takes: Sequence[Take])
     Raises:
         CospeechError: Its motion doesn't cover the speech.
     """
-    method = system.method
-    training = method.training
-    method.eval()
     title = f"{system.name}, seed {system.seed}"
-    found = []
-    for number, take in enumerate(progress_bar(takes, len(takes), title)):
-        motion = method.generate(
-            store.speech(take.span),
-            take.speaker if take.speaker in store.speaker_ids else None,
-            generator=torch.Generator().manual_seed(number),
-        )
-        found.append(_as_long_as(take, motion, title))
-    method.train(training)
+    motions = generated_motions(system.method, store, [take.span for take in takes], title)
+    found = [_as_long_as(take, motion, title) for take, motion in zip(takes, motions, strict=True)]
     return SystemMotion(system.name, system.seed, found)
 
 
