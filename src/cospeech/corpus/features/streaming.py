@@ -38,13 +38,16 @@ class FieldStream:
         self.samples = 0
         self._field, self._fps, self._context = field, fps, field.context
         self._rate = field.fps or fps
-        # So many rows on, a row begins at a whole sample again.
-        self._period = (SAMPLE_RATE / Fraction(self._rate)).denominator
+        self._hop = field.placed.hop if field.placed else SAMPLE_RATE / Fraction(self._rate)
+        # So many rows on, a row begins at a sample where a part of the sound may begin.
+        self._period = 1 if field.placed else self._hop.denominator
         self._sound, self._sound_from = np.zeros(0, dtype=np.float32), 0
+        self._first_sample = 0
         self._rows = np.zeros((0, field.width or 0), dtype=np.float32)
         self._rows_from = self._put_out = 0
         # A row begins at a whole sample, up to half a one late, and may be half a row away.
-        nearest_s = 0.5 / field.fps if field.fps else 0.0
+        is_on_a_row = field.fps is None or (field.fps / fps).is_integer()
+        nearest_s = 0.0 if is_on_a_row else 0.5 / self._rate
         rows_s = self._context.rows_after / self._rate
         self.look_ahead_s = rows_s + nearest_s + (self._context.samples + 1) / SAMPLE_RATE
 
@@ -58,9 +61,7 @@ class FieldStream:
         if complete > done:
             self._compute(complete, self._context.rows_after)
             first = max(0, complete - self._context.rows_before)
-            first = first // self._period * self._period
-            drop = round((first - self._sound_from) * SAMPLE_RATE / self._rate)
-            self._sound, self._sound_from = self._sound[drop:], first
+            self._drop(first // self._period * self._period)
         frames = self._put_out
         while self._row_of(frames) < complete:
             frames += 1
@@ -73,8 +74,17 @@ class FieldStream:
             self._compute(None if self._field.fps else frames, 0)
         return self._until(frames)
 
+    def _drop(self, first: int) -> None:
+        """Let go of the sound before a row."""
+        sample = round(first * self._hop)
+        if self._field.placed:
+            sample = int(first * self._hop) // self._field.placed.multiple
+            sample *= self._field.placed.multiple
+        self._sound = self._sound[sample - self._first_sample :]
+        self._sound_from, self._first_sample = first, sample
+
     def _begins(self, row: int) -> int:
-        return round(row * SAMPLE_RATE / self._rate) + self._context.samples
+        return round(row * self._hop) + self._context.samples
 
     def _row_of(self, frame: int) -> int:
         return round(frame / self._fps * self._rate) if self._field.fps else frame
@@ -82,7 +92,10 @@ class FieldStream:
     def _compute(self, stop: int | None, extra: int) -> None:
         """Add the rows up to one; the extra ones after it aren't whole, and aren't kept."""
         wanted = 0 if stop is None else stop + extra - self._sound_from
-        values = self._field.compute(Speech(self._sound), self._rate, wanted)
+        if self._field.placed:
+            values = self._field.placed.compute(self._sound, self._first_sample)
+        else:
+            values = self._field.compute(Speech(self._sound), self._rate, wanted)
         done = self._rows_from + len(self._rows)
         new = values[done - self._sound_from : None if stop is None else stop - self._sound_from]
         self._rows = np.concatenate([self._rows, new])
