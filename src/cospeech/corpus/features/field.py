@@ -18,6 +18,7 @@ from cospeech.speech.speech import SAMPLE_RATE, Speech
 
 if TYPE_CHECKING:
     from cospeech.corpus.features.span_motion import SpanMotion
+    from cospeech.corpus.features.streaming import RowStream
 
 Axis = Literal["method frames", "evaluation frames", "samples", "none"]
 """What an index along a window means: a frame at the method's rate, one at the evaluation's 15 fps,
@@ -93,6 +94,8 @@ class SpeechField(Field):
             those of the whole, to the bit.
         placed: How a part of the sound is computed; None where the same sound has the same rows
             wherever a row begins with it.
+        opens: Begins its rows of a speech that is heard piece by piece, at a rate, where they are
+            of words; None: `context` says it.
         compute: ``(frames, width)`` of a speech that has sound: at its own rate as many as there
             are, at least one; else of the rate and the number of frames given.
     """
@@ -103,6 +106,7 @@ class SpeechField(Field):
     sees_whole_clip: bool = False
     context: Context | None = None
     placed: Placed | None = None
+    opens: Callable[[float], RowStream] | None = None
     compute: Callable[[Speech, float, int], NDArray[np.float32]]
 
     def of_speech(

@@ -11,10 +11,10 @@ are paired by index, so after ten minutes a motion frame gets audio from 5.44 fr
 frame i is centred on the sample nearest to ``i / 20`` s, at most 23 us away, and doesn't drift; the
 published hop is a switch.
 
-**Resampling.** The 16 kHz waveform is resampled to 22 050 Hz (`cospeech.speech.resampling`), so that
-window and bands are the published ones. The published code resamples the original file straight to
-22 050 Hz, with another filter; of a 44.1 kHz recording the features then differ by less than 0.0005
-on average, by less than 0.01 in the topmost band.
+**Resampling.** The 16 kHz waveform is resampled to 22 050 Hz (`cospeech.speech.resampling`), so
+that window and bands are the published ones. The published code resamples the original file
+straight to 22 050 Hz, with another filter; of a 44.1 kHz recording the features then differ by less
+than 0.0005 on average, by less than 0.01 in the topmost band.
 """
 
 from __future__ import annotations
