@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -13,6 +14,7 @@ from torch import Tensor, nn
 
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import bare_names
+from cospeech.motion.kinematics import joint_levels
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 
@@ -104,10 +106,11 @@ class RotationCodec(nn.Module, ABC):
         """Local rotation matrices ``(..., J, 3, 3)`` of every joint."""
         coded = self._matrices(features.unflatten(-1, (len(self.joints), self.values_per_joint)))
         others = matrices_of_quaternions(self.others).to(features.dtype)
-        matrices = list(others.expand(*features.shape[:-1], -1, -1, -1).unbind(-3))
+        others = others.expand(*features.shape[:-1], -1, -1, -1)
+        sources = list(range(len(self.joints), len(self.joints) + len(self.skeleton)))
         for column, joint in zip(self._columns, self._indices, strict=True):
-            matrices[joint] = coded[..., column, :, :]
-        return torch.stack(matrices, dim=-3)
+            sources[joint] = column
+        return torch.cat([coded, others], dim=-3)[..., sources, :, :]
 
     def decode(self, features: Tensor, root_positions: Tensor | None = None) -> Tensor:
         """Positions ``(..., J, 3)`` in metres of features ``(..., size)``.
@@ -116,19 +119,21 @@ class RotationCodec(nn.Module, ABC):
             features: Network output or `encode`'s result.
             root_positions: ``(..., 3)`` metres; roots at their rest offset when None.
         """
-        world: list[Tensor] = []
-        positions: list[Tensor] = []
         local = self.decode_rotations(features)
-        for joint, parent in enumerate(self.skeleton.parents):
-            turn, offset = local[..., joint, :, :], self.offsets[joint]
-            if parent < 0:
-                place = offset.expand(*features.shape[:-1], 3).to(local.dtype)
-                positions.append(place if root_positions is None else root_positions)
-                world.append(turn)
-                continue
-            positions.append(positions[parent] + world[parent] @ offset.to(local.dtype))
-            world.append(world[parent] @ turn)
-        return torch.stack(positions, dim=-2)
+        offsets, parents = self.offsets.to(local.dtype), self.skeleton.parents
+        levels = [list(joints) for joints in joint_levels(parents)]
+        places = offsets[levels[0]] if root_positions is None else root_positions[..., None, :]
+        positions = [places.expand(*features.shape[:-1], len(levels[0]), 3)]
+        world = local[..., levels[0], :, :]
+        for above, joints in pairwise(levels):
+            turns = world[..., [above.index(parents[joint]) for joint in joints], :, :]
+            bones = (turns @ offsets[joints, :, None]).squeeze(-1)
+            begins = positions[-1][..., [above.index(parents[joint]) for joint in joints], :]
+            positions.append(begins + bones)
+            world = turns @ local[..., joints, :, :]
+        order = [joint for joints in levels for joint in joints]
+        inverse = sorted(range(len(order)), key=order.__getitem__)
+        return torch.cat(positions, dim=-2)[..., inverse, :]
 
     @torch.no_grad()
     def motion(self, features: Tensor, fps: float, root_positions: Tensor | None = None) -> Motion:
