@@ -50,7 +50,7 @@ class Training:
         poses = self.network.roll(said, truth[:, :1].expand(-1, HISTORY, -1))
         loss = pose_loss(poses, truth) + VELOCITY_WEIGHT * velocity_loss(poses, truth)
         self.optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         self.optimizer.step()
         self.losses.append(loss.item())
         self.seconds.append(time.perf_counter() - began)
