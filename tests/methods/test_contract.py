@@ -251,6 +251,9 @@ OTHERWISE = [
     "knn model.preselect=pose_only",
     "knn_cgan model.preselect=pose_only",
     "knn_cgan model.form=paper",
+    "gesticulator model.text=none",
+    "gesticulator model.text=none model.published_hop=false",
+    "gesticulator model.published_hop=false model.published_timing=false",
 ]
 """Settings with a delay or a look-ahead of their own."""
 

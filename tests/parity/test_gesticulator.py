@@ -17,10 +17,11 @@ def test_the_waveform_is_the_one_that_was_used():
     assert np.abs(waveform.astype(np.int64)).sum() == expected["waveform_sum_abs"]
 
 
-# The published code resamples 16 kHz once, as we do. What goes through 16 kHz here goes straight
-# to 22 050 Hz there, with another filter: it shows in the topmost bands, most in mirrored edges.
+# The published code resamples 16 kHz once, with the same filter but for the first five samples, in
+# the middle of the first frame. What goes through 16 kHz here goes straight to 22 050 Hz there,
+# with another filter: it shows in the topmost bands, most in mirrored edges.
 @pytest.mark.parametrize(
-    ("rate", "edge_atol", "atol"), [(16_000, 2e-5, 2e-5), (22_050, 3e-2, 2e-2), (44_100, 0.1, 2e-2)]
+    ("rate", "edge_atol", "atol"), [(16_000, 1e-2, 2e-5), (22_050, 3e-2, 2e-2), (44_100, 0.1, 2e-2)]
 )
 def test_log_mel_is_the_published_one(rate, edge_atol, atol, tmp_path):
     soundfile.write(tmp_path / "a.wav", formulas.waveform_16_bit(rate), rate, subtype="PCM_16")

@@ -26,11 +26,18 @@ class Stream(ABC):
     Attributes:
         look_ahead_s: A frame depends on no sound that is later than it by more, s: ``math.inf``
             where it depends on the whole speech, ``-math.inf`` where it depends on no sound.
-        delay_s: After t seconds of sound the frames before ``t - delay_s`` have been put out.
+        words_look_ahead_s: A frame depends on no word that begins later than it by more, s:
+            ``math.inf`` where it depends on whole sentences or the whole speech, ``-math.inf``
+            where it depends on no word.
+        delay_s: After t seconds of sound the frames before ``t - delay_s`` have been put out;
+            ``math.inf`` where that can't be said: they come when a sentence or the speech ends.
     """
 
-    def __init__(self, look_ahead_s: float, delay_s: float) -> None:
+    def __init__(
+        self, look_ahead_s: float, delay_s: float, words_look_ahead_s: float = -math.inf
+    ) -> None:
         self.look_ahead_s, self.delay_s = look_ahead_s, delay_s
+        self.words_look_ahead_s = words_look_ahead_s
         self._is_used_up = False
 
     @torch.no_grad()
@@ -92,7 +99,7 @@ class WholeUtterance(Stream):
     """
 
     def __init__(self, make: Callable[[Speech], Motion]) -> None:
-        super().__init__(look_ahead_s=math.inf, delay_s=math.inf)
+        super().__init__(look_ahead_s=math.inf, delay_s=math.inf, words_look_ahead_s=math.inf)
         self._make = make
         self._pieces = [np.zeros(0, dtype=np.float32)]
         self._words: list[Word] | None = None

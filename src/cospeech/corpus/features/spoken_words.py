@@ -5,24 +5,28 @@ See docs/facts/trinity_and_gesticulator.md, section 3.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.features.field import SpeechField
 from cospeech.corpus.features.word_vectors import Packaged, on_frames
-from cospeech.speech.speech import Speech, Word
+from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames
 from cospeech.speech.text.spoken_words import (
     FILLER,
     FILLERS,
     PUBLISHED_FPS,
-    SILENCE,
     TIMING_NAMES,
-    published_words,
+    Sentences,
+    is_published_filler,
+    published_frames,
+    published_timing,
 )
 from cospeech.speech.text.syllables import count_syllables
-from cospeech.speech.text.vectors import WordVectors
+from cospeech.speech.text.vectors import SingleWordVectors, WordVectors
 
 SILENCE_VALUE = -15.0
 """Every number of the vector where nobody speaks."""
@@ -34,25 +38,29 @@ def spoken_words(provider: WordVectors, published: bool = False) -> SpeechField:
     Of the word that is said: time since it began and until it ends, its duration, s; how much of it
     is over, 0 to 1; its syllables per second, where a word has one at least. In silence the vector
     is `SILENCE_VALUE` everywhere and the timing 0; a filler (`FILLERS`) has the vectors' mean of
-    all fillers.
+    all fillers. A provider reads sentence by sentence (`Sentences`).
 
     Args:
         provider: Gives a vector for each word.
         published: As the published code does it: at 10 frames per second, each twice, in tenths of
-            a second, sentence by sentence; a filler has the vector of the first one.
+            a second; a filler has the vector of the first one, and whatever has one character more
+            is one, too.
     """
 
     def compute(speech: Speech, fps: float, frames: int) -> NDArray[np.float32]:
-        make = _published if published else _in_seconds
-        return make(provider, speech.words or (), fps, frames)
+        rows = _Rows(provider, published, fps)
+        rows.add(speech.words or ())
+        rows.end()
+        return rows.until(frames)
 
     return SpeechField(
         name="spoken_words",
         reads="words",
         width=provider.dimensions + len(TIMING_NAMES),
         unit="no unit, then s, s, s, 0 to 1, per s; tenths of a second as published",
-        version=f"{provider.version}-{'published' if published else 'seconds'}",
+        version=f"{provider.version}-{'published' if published else 'sentences'}",
         sees_whole_clip=True,  # a language model reads what comes later, too
+        opens=lambda fps: SpokenWordsStream(provider, published, fps),
         compute=compute,
     )
 
@@ -64,53 +72,173 @@ def silence(provider: WordVectors) -> NDArray[np.float32]:
     return values
 
 
+class SpokenWordsStream:
+    """The rows of `spoken_words`, to the bit, as soon as the words that they depend on are there.
+
+    A row of silence or of a filler waits for the sound of its frame, up to which every word has
+    come that begins in it. A row of a word waits for its vector, too: for the end of the sentence,
+    where the provider isn't one of `SingleWordVectors`.
+
+    Attributes:
+        look_ahead_s: Of sound: none is looked at.
+        words_look_ahead_s: A row depends on no word that begins later than its frame by more, s;
+            ``math.inf`` where it depends on a sentence.
+        delay_s: After t seconds of sound the rows before ``t - delay_s`` have been put out;
+            ``math.inf`` where they come sentence by sentence.
+    """
+
+    look_ahead_s = -math.inf
+
+    def __init__(self, provider: WordVectors, published: bool, fps: float) -> None:
+        self._rows, self._fps = _Rows(provider, published, fps), fps
+        self._samples = 0
+        is_finite = self._rows.is_of_single_words
+        self.words_look_ahead_s = 1 / self._rows.fps if is_finite else math.inf
+        self.delay_s = self.words_look_ahead_s
+
+    def hear(
+        self, samples: NDArray[np.float32], words: Sequence[Word] | None = None
+    ) -> NDArray[np.float32]:
+        """The next rows ``(F, width)`` that further sound and the words in it complete."""
+        self._samples += len(samples)
+        self._rows.add(words or ())
+        # What begins from now on is on none of these frames.
+        frames = math.floor(self._samples / SAMPLE_RATE * self._rows.fps + 1e-6)
+        heard = covering_frames(self._samples, self._fps)
+        return self._rows.until(min(frames * self._rows.repeat, heard))
+
+    def finish(self) -> NDArray[np.float32]:
+        """The rows that are left up to the end of the sound."""
+        self._rows.end()
+        return self._rows.until(covering_frames(self._samples, self._fps))
+
+
+@dataclass(eq=False)
+class _Spoken:
+    """A word on its frames.
+
+    Attributes:
+        word: The word.
+        frames: Where it is said.
+        vector: Its vector; None where its sentence isn't complete yet.
+    """
+
+    word: Word
+    frames: range
+    vector: NDArray[np.float32] | None = None
+
+
+class _Rows:
+    """The rows of the words so far.
+
+    Args:
+        provider: See `spoken_words`.
+        published: See `spoken_words`.
+        fps: Of the rows.
+
+    Attributes:
+        fps: Frames per second on which words are placed.
+        repeat: Rows that have the values of a frame.
+        is_of_single_words: Whether a word has its vector at once.
+    """
+
+    def __init__(self, provider: WordVectors, published: bool, fps: float) -> None:
+        self.fps = PUBLISHED_FPS if published else fps
+        self.repeat = round(fps / PUBLISHED_FPS) if published else 1
+        self._provider, self._published = provider, published
+        self.is_of_single_words = isinstance(provider, SingleWordVectors)
+        self._sentences = Sentences(is_published_filler if published else _is_filler)
+        self._words = list[_Spoken]()
+        # Of the sentence under way: its words by their index, and the number of those before.
+        self._open, self._complete = dict[int, _Spoken](), 0
+        self._filler: NDArray[np.float32] | None = None
+        self._placed = self._put_out = 0
+
+    def add(self, words: Sequence[Word]) -> None:
+        """Take further words."""
+        for word in words:
+            spoken = _Spoken(word, self._frames(word))
+            self._words.append(spoken)
+            index, sentence = self._sentences.add(word.text)
+            if index == FILLER:
+                spoken.vector = self._filler_vector()
+            else:
+                self._open[index] = spoken
+            if sentence is not None and not self.is_of_single_words:
+                self._read(sentence)
+        if self.is_of_single_words and self._open:
+            vectors = self._provider.vectors([spoken.word for spoken in self._open.values()])
+            for spoken, vector in zip(self._open.values(), vectors, strict=True):
+                spoken.vector = vector
+            self._open = {}
+
+    def end(self) -> None:
+        """No word follows."""
+        sentence = self._sentences.end()
+        if sentence is not None and self._open:
+            self._read(sentence)
+
+    def until(self, stop: int) -> NDArray[np.float32]:
+        """The next rows ``(F, width)``, before ``stop`` and before words without a vector."""
+        pending = [spoken.frames.start for spoken in self._open.values() if spoken.frames]
+        first, stop = self._put_out, min([stop, *(self.repeat * frame for frame in pending)])
+        quiet = silence(self._provider)
+        if stop <= first:
+            return np.zeros((0, len(quiet)), dtype=np.float32)
+        frames = range(first // self.repeat, -(-stop // self.repeat))
+        values = np.tile(quiet, (len(frames), 1))
+        for spoken in self._words:
+            begin, end = (
+                max(spoken.frames.start, frames.start),
+                min(spoken.frames.stop, frames.stop),
+            )
+            if begin < end:
+                assert spoken.vector is not None
+                rows = values[begin - frames.start : end - frames.start]
+                rows[:, : -len(TIMING_NAMES)] = spoken.vector
+                rows[:, -len(TIMING_NAMES) :] = self._timing(spoken.word, np.arange(begin, end))
+        self._put_out = stop
+        self._words = [spoken for spoken in self._words if spoken.frames.stop * self.repeat > stop]
+        skipped = first - frames.start * self.repeat
+        return values.repeat(self.repeat, axis=0)[skipped : skipped + stop - first]
+
+    def _frames(self, word: Word) -> range:
+        if not self._published:
+            on = on_frames(word, self.fps)
+            return range(on.start, on.stop)
+        frames = published_frames(word, self._placed)
+        self._placed = max(frames.start, frames.stop)
+        return frames
+
+    def _timing(self, word: Word, frames: NDArray[np.int64]) -> NDArray[np.float64]:
+        if self._published:
+            return published_timing(word, frames)
+        duration = max(word.end - word.start, 1 / self.fps)
+        elapsed = (frames / self.fps - word.start).clip(0, duration)
+        rate = max(1, count_syllables(word.text)) / duration
+        columns = (elapsed, duration - elapsed, duration, elapsed / duration, rate)
+        return np.stack(np.broadcast_arrays(*columns), axis=1)
+
+    def _read(self, sentence: Sequence[str]) -> None:
+        vectors = self._provider.vectors(_untimed(sentence))
+        for index, spoken in self._open.items():
+            spoken.vector = vectors[index - self._complete]
+        self._complete += len(sentence)
+        self._open = {}
+
+    def _filler_vector(self) -> NDArray[np.float32]:
+        if self._filler is None:
+            vectors = self._provider.vectors(_untimed(FILLERS))
+            self._filler = vectors[0] if self._published else vectors.mean(axis=0)
+        return self._filler
+
+
+def _is_filler(text: str) -> bool:
+    return text.rstrip(".,!?").lower() in FILLERS
+
+
 def _untimed(texts: Sequence[str]) -> list[Word]:
     return [Word(text, 0.0, 0.0) for text in texts]
-
-
-def _published(
-    provider: WordVectors, words: Sequence[Word], fps: float, frames: int
-) -> NDArray[np.float32]:
-    spoken = published_words(words)
-    vectors = [provider.vectors(_untimed(sentence)) for sentence in spoken.sentences]
-    filler = provider.vectors(_untimed(FILLERS))[:1]
-    quiet = np.full_like(filler, SILENCE_VALUE)
-    of_words = np.concatenate([*vectors, filler, quiet])
-    # The two that aren't words are counted from the end.
-    index = np.where(spoken.word == SILENCE, -1, np.where(spoken.word == FILLER, -2, spoken.word))
-    values = np.concatenate([of_words[index], spoken.timing], axis=1)
-    values = values.repeat(round(fps / PUBLISHED_FPS), axis=0)[:frames]
-    left = np.tile(silence(provider), (frames - len(values), 1))
-    return np.concatenate([values, left]).astype(np.float32)
-
-
-def _in_seconds(
-    provider: WordVectors, words: Sequence[Word], fps: float, frames: int
-) -> NDArray[np.float32]:
-    values = np.tile(silence(provider), (frames, 1))
-    if not words:
-        return values
-    vectors = provider.vectors(words)
-    filler = provider.vectors(_untimed(FILLERS)).mean(axis=0)
-    for word, vector in zip(words, vectors, strict=True):
-        on = on_frames(word, fps)
-        times = np.arange(frames)[on] / fps
-        duration = max(word.end - word.start, 1 / fps)
-        elapsed = (times - word.start).clip(0, duration)
-        rate = max(1, count_syllables(word.text)) / duration
-        bare = word.text.rstrip(".,!?").lower()
-        values[on, : provider.dimensions] = filler if bare in FILLERS else vector
-        values[on, provider.dimensions :] = np.stack(
-            [
-                elapsed,
-                duration - elapsed,
-                np.full_like(elapsed, duration),
-                elapsed / duration,
-                np.full_like(elapsed, rate),
-            ],
-            axis=1,
-        )
-    return values
 
 
 SPOKEN_WORDS = spoken_words(Packaged())

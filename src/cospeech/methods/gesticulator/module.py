@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar, cast, get_args
 
-import numpy as np
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
 from torch import Tensor
@@ -14,6 +14,7 @@ from torch import Tensor
 from cospeech.corpus.batch import GestureBatch
 from cospeech.corpus.facts import CorpusFacts
 from cospeech.corpus.features.positions import at_evaluation_rate
+from cospeech.corpus.features.streaming import open_rows
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, require_choice, require_range
@@ -29,13 +30,14 @@ from cospeech.methods.gesticulator.networks import (
     Initialisation,
 )
 from cospeech.methods.gesticulator.schedule import EPOCHS_WITHOUT, Schedule, history_of_epoch
-from cospeech.methods.streams import Stream, WholeUtterance
+from cospeech.methods.gesticulator.synthesis import PoseByPose
+from cospeech.methods.streams import Stream
 from cospeech.motion.codecs import ExponentialMapCodec, PrincipalComponentCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import to_upper_body
 from cospeech.nn.modes import evaluating
-from cospeech.speech.speech import Speech, covering_frames
+from cospeech.speech.speech import Speech
 from cospeech.training.losses import WeighedLosses
 from cospeech.training.steps import descend, log_losses
 
@@ -241,23 +243,26 @@ class Gesticulator(GestureMethod):
         seed_motion: Motion | None,
         generator: torch.Generator,
     ) -> Stream:
-        """Begin upper-body motion at 20 fps; the whole speech is waited for."""
-        return WholeUtterance(lambda speech: to_upper_body(self.whole_skeleton(speech)))
+        """Begin upper-body motion at 20 fps."""
+        return self._stream(lambda poses: to_upper_body(self._motion(poses)))
 
-    @torch.no_grad()
     def whole_skeleton(self, speech: Speech) -> Motion:
         """Rotations of all joints of the training skeleton, 20 fps, for speech of any length.
 
-        Before and after the speech there is silence; joints that aren't made keep their mean
-        rotation, and the root stays where it is.
+        Joints that aren't made keep their mean rotation, and the root stays where it is.
         """
-        frames = covering_frames(len(speech.waveform), self.window.fps)
-        heard = [field.of_speech(speech, self.window.fps, frames) for field in self.fields]
-        within = torch.from_numpy(np.concatenate(heard, axis=1)).to(self.device)
+        stream = self._stream(self._motion)
+        begun = stream.push(speech.waveform, speech.words)
+        rest = stream.finish()
+        return rest if begun is None else begun.followed_by(rest)
+
+    def _stream(self, to_motion: Callable[[Tensor], Motion]) -> Stream:
+        fps = self.window.fps
+        inputs = [open_rows(field, fps) for field in self.fields]
         quiet = cast(Tensor, self.silence)
-        padded = torch.cat([quiet.expand(PAST, -1), within, quiet.expand(AHEAD, -1)])
-        with evaluating(self.network):
-            poses = self.network.roll(self.network.encode(padded[None]), self._start(1))[0]
+        return PoseByPose(self.network, inputs, quiet, self._start(1), to_motion, fps)
+
+    def _motion(self, poses: Tensor) -> Motion:
         return self.codec.motion(poses, self.window.fps)
 
 

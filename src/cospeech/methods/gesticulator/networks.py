@@ -119,6 +119,10 @@ class GesticulatorNetwork(nn.Module):
             windows = self.encode_frame(speech.unfold(1, span, 1).transpose(2, 3))
         else:
             windows = self.encode_frame(speech).unfold(1, span, 1).transpose(2, 3)
+        return self.encode_windows(windows)
+
+    def encode_windows(self, windows: Tensor) -> Tensor:
+        """What is said around frames: ``(B, T, 256)`` of encoded ones ``(B, T, 30, 124)``."""
         return cast(Tensor, self.first_layer(self.reduce(windows.flatten(2))))
 
     def pose(self, said: Tensor, history: Tensor | None) -> Tensor:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from cospeech.speech.word_vectors import find_word_vectors
 
 
 class WordVectors(Protocol):
-    """One vector per word of a transcript.
+    """One vector per word of a transcript, which may depend on all of its words.
 
     Attributes:
         version: Names where the vectors come from: others have another version, so that what was
@@ -34,6 +34,17 @@ class WordVectors(Protocol):
         ...
 
 
+@runtime_checkable
+class SingleWordVectors(WordVectors, Protocol):
+    """Vectors of which each depends on its word alone, whatever punctuation is on it.
+
+    Attributes:
+        reads: Says so.
+    """
+
+    reads: Literal["word"]
+
+
 class StaticVectors:
     """Vectors of a fastText file: the same for a word wherever it stands.
 
@@ -48,6 +59,8 @@ class StaticVectors:
     Raises:
         InputFileError: Missing, compressed, quantised, cut off, or in another format.
     """
+
+    reads: Literal["word"] = "word"
 
     def __init__(self, path: str | Path, words: Iterable[str] = ()) -> None:
         self._path = Path(path)
