@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -48,8 +48,11 @@ def speech_inputs(
     word_vectors: str | None = None,
     published_hop: bool = True,
     published_timing: bool = True,
+    words: Sequence[str] = (),
 ) -> SpeechInputs:
     """The fields that some settings choose; arguments as `Gesticulator`'s.
+
+    ``words`` are the corpus's: static vectors of theirs are looked up at once.
 
     Around a speech there are -12 in every band of a spectrogram and zeros of prosody, as published.
     The published code refuses cepstra there; here they are those of digital silence.
@@ -72,7 +75,7 @@ def speech_inputs(
             fields.append(field)
             edges.append(edge)
     if text != "none":
-        provider = _provider(text, language_model, special_tokens, word_vectors)
+        provider = _provider(text, language_model, special_tokens, word_vectors, words)
         fields.append(spoken_words(provider, published_timing))
         edges.append(silence(provider))
     return SpeechInputs(tuple(fields), np.concatenate(edges))
@@ -101,14 +104,18 @@ _OF_SOUND: dict[str, Callable[[bool], tuple[SpeechField, NDArray[np.float32]]]] 
 
 
 def _provider(
-    text: Text, language_model: str | None, special_tokens: bool, word_vectors: str | None
+    text: Text,
+    language_model: str | None,
+    special_tokens: bool,
+    word_vectors: str | None,
+    words: Sequence[str],
 ) -> WordVectors:
     if text == "static":
         if word_vectors is None:
             raise ConfigError(
                 "model.text=static has no vectors", "name a fastText file: model.word_vectors=FILE"
             )
-        return StaticVectors(word_vectors)
+        return StaticVectors(word_vectors, words)
     if language_model is None:
         return Packaged(special_tokens)
     return ContextualVectors(language_model, special_tokens=special_tokens)

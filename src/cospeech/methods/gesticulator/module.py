@@ -152,6 +152,7 @@ class Gesticulator(GestureMethod):
             word_vectors,
             published_hop,
             published_timing,
+            corpus["words"],
         )
         self.fields = inputs.fields
         self.window = replace(self.window, own_fields=self.fields)
