@@ -243,8 +243,8 @@ class Gesticulator(GestureMethod):
         seed_motion: Motion | None,
         generator: torch.Generator,
     ) -> Stream:
-        """Begin upper-body motion at 20 fps; the whole speech is waited for."""
-        return WholeUtterance(lambda speech: to_upper_body(self.whole_skeleton(speech)))
+        """Begin rotations of the training skeleton at 20 fps; the whole speech is waited for."""
+        return WholeUtterance(self.whole_skeleton)
 
     @torch.no_grad()
     def whole_skeleton(self, speech: Speech) -> Motion:
