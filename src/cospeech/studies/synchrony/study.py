@@ -44,8 +44,8 @@ PARTNERS = 5
 _logger = logging.getLogger(__name__)
 
 SpeechToMotion = Callable[[Speech, str], Motion]
-"""From speech and the name of who speaks to motion that covers the speech exactly, at any frame rate
-and on any skeleton that has the ten evaluation joints (`to_upper_body`)."""
+"""From speech and the name of who speaks to motion that covers the speech exactly, at any rate and
+on any skeleton that has the ten evaluation joints (`to_upper_body`)."""
 
 
 def synchrony(
