@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from typing import Any, ClassVar, Literal, cast, get_args
 
@@ -21,6 +22,7 @@ from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, require_choice, require_range
 from cospeech.methods.base import GestureMethod
+from cospeech.methods.gesticulator.joints import JOINTS, joints_of
 from cospeech.methods.gesticulator.losses import VelocityAxis, pose_loss, velocity_loss
 from cospeech.methods.gesticulator.networks import (
     AHEAD,
@@ -43,15 +45,10 @@ from cospeech.speech.text.vectors import StaticVectors, WordVectors
 from cospeech.training.losses import WeighedLosses
 from cospeech.training.steps import descend, log_losses
 
+logger = logging.getLogger(__name__)
+
 Audio = Literal["spectrogram", "none"]
 Text = Literal["contextual", "static", "none"]
-
-JOINTS = (
-    *("LeftHand", "LeftForeArm", "LeftArm", "LeftShoulder"),
-    *("RightHand", "RightForeArm", "RightArm", "RightShoulder"),
-    *("Head", "Neck1", "Neck", "Spine3", "Spine2", "Spine1", "Spine"),
-)
-"""The joints whose rotations are made, in the published order of channels."""
 
 SILENT_AUDIO = -12.0
 """Of every band, before and after a speech, as published."""
@@ -163,7 +160,8 @@ class Gesticulator(GestureMethod):
         self.window = replace(self.window, own_fields=self.fields)
         self.needs = self.needs | {field.name for field in fields}  # type: ignore[misc]
         self.register_buffer("silence", torch.from_numpy(np.concatenate(edges)), persistent=False)
-        self.codec = ExponentialMapCodec(Skeleton.from_dict(corpus["skeleton"]), JOINTS)
+        skeleton = Skeleton.from_dict(corpus["skeleton"])
+        self.codec = ExponentialMapCodec(skeleton, joints_of(skeleton))
         self.register_buffer("mean_pose", torch.zeros(self.codec.size))
         self.network = GesticulatorNetwork(
             len(cast(Tensor, self.silence)),
@@ -178,6 +176,10 @@ class Gesticulator(GestureMethod):
 
     def on_train_start(self) -> None:
         """Take the mean pose of the training motion, which motion begins from."""
+        lacking = [name for name, own in zip(JOINTS, self.codec.joints, strict=True) if own is None]
+        if lacking:
+            told = self.codec.skeleton.name, len(JOINTS) - len(lacking), ", ".join(lacking)
+            logger.info("skeleton %s: %d joints are made; it has nothing like %s", *told)
         loader = self.trainer.train_dataloader
         assert isinstance(loader, WindowLoader)
         assert isinstance(loader.dataset, WindowDataset)
