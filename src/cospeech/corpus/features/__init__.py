@@ -72,8 +72,8 @@ _LACKING: Mapping[FieldSource, tuple[str, str]] = {
     "sound": ("sound", "use a corpus with audio, or a method that reads none"),
     "words": (
         "transcripts",
-        "put one beside each sound file (.TextGrid, .json, .tsv ...), or go on with the sound alone:"
-        " for model=gesticulator model.text=none",
+        "put one beside each sound file (.TextGrid, .json, .tsv ...), or train on sound alone:"
+        " model.text=none for model=gesticulator",
     ),
     "speaker": ("speakers", "use a corpus that says who speaks, or a method that doesn't ask"),
     "search": (
