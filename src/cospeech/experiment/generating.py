@@ -11,6 +11,7 @@ import torch
 from hydra.utils import to_absolute_path
 from omegaconf import DictConfig, OmegaConf
 
+from cospeech.corpus.features import fields_of
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.finished_run import load
 from cospeech.files import replacing
@@ -48,6 +49,12 @@ def generate(cfg: DictConfig) -> Motion:
     method = load(str(cfg.run), cfg.checkpoint, [cfg.data.store_dir], **given)
     transcript = None if cfg.transcript is None else to_absolute_path(cfg.transcript)
     speech = read_speech(to_absolute_path(cfg.audio), transcript)
+    if transcript is None and any(field.reads == "words" for field in fields_of(method.needs)):
+        logger.warning(
+            "no transcript: %s reads words, too, and takes it that nobody speaks; add"
+            " transcript=FILE, which may be plain text",
+            type(method).__name__,
+        )
     controls = None if cfg.controls is None else read_values(to_absolute_path(cfg.controls))
     started = time.perf_counter()
     try:
