@@ -479,7 +479,7 @@ def test_vectors_of_words_are_refused_where_nothing_prepared_has_a_transcript(tm
         return written(tmp_path / name, takes, lambda _: dict.fromkeys(SPLITS, spans))
 
     without = stored("without", silent)
-    with pytest.raises(ConfigError, match="needs transcripts .the field spoken_words"):
+    with pytest.raises(ConfigError, match=r"needs transcripts .the field spoken_words"):
         WindowDataset(without, "train", spec, frozenset({"spoken_words"}))
     WindowDataset(without, "train", spec, frozenset({"words"}))
     with_one = stored("with one", silent, replace(take, id="b"))

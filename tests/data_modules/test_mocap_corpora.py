@@ -75,10 +75,10 @@ def test_trinity_released_and_challenge(tmp_path):
 def test_a_corpus_without_transcripts_says_so_before_a_file_is_read(tmp_path):
     """Padding words stand for none (the field words); vectors of words would all be silence."""
     silent = data_module("zeggs", write_zeggs(tmp_path / "z", {"001_Neutral_0": True}), tmp_path)
-    with pytest.raises(ConfigError, match="needs transcripts .*, and zeggs has none") as caught:
+    with pytest.raises(ConfigError, match=r"needs transcripts .*, and zeggs has none") as caught:
         silent.refuse_impossible("gesticulator", frozenset({"rotations", "spoken_words"}))
     assert "model.text=none" in caught.value.hint
-    silent.refuse_impossible("gesticulator", frozenset({"rotations", "gesticulator"}))
+    silent.refuse_impossible("gesticulator", frozenset({"rotations", "mel_gesticulator"}))
     silent.refuse_impossible("trimodal", frozenset({"positions", "words"}))
     spoken = data_module("beat", write_beat(tmp_path / "b", ("2_scott_0_1_1",)), tmp_path)
     spoken.refuse_impossible("gesticulator", frozenset({"spoken_words"}))
