@@ -16,7 +16,7 @@ from cospeech.corpus.features.keeping import Stretch, kept_rows
 from cospeech.corpus.features.mel import GESTICULATOR_BY_INDEX
 from cospeech.corpus.features.streaming import FieldStream
 from cospeech.corpus.features.word_vectors import word_vectors
-from cospeech.corpus.splits import Span
+from cospeech.corpus.splits import SPLITS, Span
 from cospeech.corpus.store import Store
 from cospeech.corpus.store_writer import StoreWriter
 from cospeech.corpus.tracks import Tracks
@@ -494,6 +494,23 @@ def test_a_field_of_another_room_is_refused(store):
         WindowDataset(store, "train", WindowSpec(15, 30, 0, 30), frozenset({"matched"}))
 
 
+def test_vectors_of_words_are_refused_where_nothing_prepared_has_a_transcript(tmp_path):
+    take = recording("a", 1)
+    silent = replace(take, speech=Speech(take.speech.waveform))
+    spec = WindowSpec(15, 30, 0, 30)
+
+    def stored(name, *takes):
+        spans = [Span(i, 0, 100) for i in range(len(takes))]
+        return written(tmp_path / name, takes, lambda _: dict.fromkeys(SPLITS, spans))
+
+    without = stored("without", silent)
+    with pytest.raises(ConfigError, match=r"needs transcripts .the field spoken_words"):
+        WindowDataset(without, "train", spec, frozenset({"spoken_words"}))
+    WindowDataset(without, "train", spec, frozenset({"words"}))
+    with_one = stored("with one", silent, replace(take, id="b"))
+    WindowDataset(with_one, "train", spec, frozenset({"spoken_words"}))
+
+
 def test_a_batch_says_which_fields_were_declared(store):
     needs = frozenset({"positions", "energy"})
     batch = WindowDataset(store, "val", WindowSpec(15, 30, 0, 30), needs).batch([0])
@@ -509,7 +526,8 @@ def test_a_batch_says_which_fields_were_declared(store):
 
 @pytest.mark.parametrize("source", get_args(FieldSource))
 def test_whatever_a_corpus_lacks_has_a_name_and_a_way_out(source):
-    needs = [name for name, field in FIELDS.items() if field.reads == source]
+    fields = [field for field in FIELDS.values() if field.reads == source]
+    needs = [field.name for field in fields if not field.has_padding]
     with pytest.raises(ConfigError, match=rf"m needs .*\(the field {needs[0]}") as caught:
         refuse_lacking("m", needs[:1], "c", {source})
     assert caught.value.hint

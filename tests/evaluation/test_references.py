@@ -16,7 +16,8 @@ from cospeech.metrics.noise_study import LEVELS, run_noise_study
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
-from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.motion.upper_body import UPPER_BODY, to_upper_body
+from tests.fabricated.mocap import TRINITY_BODY, swinging
 
 METRICS = standard_catalogue()
 BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
@@ -46,8 +47,19 @@ def test_only_full_windows_count(frames, count):
 def test_other_skeletons_are_refused():
     arm = Skeleton("arm", ("shoulder", "elbow"), (-1, 0))
     motion = Motion(arm, 15.0, np.zeros((40, 2, 3), dtype=np.float32))
-    with pytest.raises(ValueError, match="not skeleton arm"):
+    with pytest.raises(CospeechError, match="no joint map fits the skeleton 'arm'"):
         to_evaluation_windows(motion)
+
+
+def test_a_whole_skeleton_is_judged_by_the_ten_joints_that_it_has():
+    motion = swinging(TRINITY_BODY, "a", 4.0, 20.0)
+    windows = to_evaluation_windows(motion)
+    torch.testing.assert_close(windows, to_evaluation_windows(to_upper_body(motion)))
+    assert windows.shape == (3, 34, 10, 3)
+    left_wrist = windows[0, 0, UPPER_BODY.index["left_wrist"]]
+    index = TRINITY_BODY.index
+    expected = motion.positions[0, index["LeftHand"]] - motion.positions[0, index["Spine1"]]
+    np.testing.assert_allclose(left_wrist, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("sizes", [(5, 5, 5), (1, 9, 10), (3, 1, 4, 1, 5, 9, 2, 6), (4, 4)])

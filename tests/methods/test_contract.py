@@ -1,5 +1,6 @@
 """What every method must do, whatever it is. Methods are found by their yaml."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,7 +28,7 @@ from cospeech.methods.fitted import FittedWithoutSteps
 from cospeech.motion.kinematics import skeleton_positions
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
-from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.motion.upper_body import UPPER_BODY, to_upper_body
 from cospeech.speech.speech import SAMPLE_RATE, Speech, Word, covering_frames
 from tests.corpora import make_recording, make_store
 
@@ -175,10 +176,31 @@ def test_generated_motion_covers_the_audio_exactly(method, store, seconds):
     motion = method.generate(speech, speaker="ada", generator=torch.Generator().manual_seed(3))
     assert len(motion) == int(np.ceil(len(speech.waveform) / 16_000 * method.window.fps - 1e-9))
     assert motion.fps == method.window.fps
-    assert motion.skeleton.joints == UPPER_BODY.joints
     assert motion.first_bad_frame() is None
+    upper_body = to_upper_body(motion)
+    assert upper_body.skeleton.joints == UPPER_BODY.joints
+    assert np.isfinite(upper_body.positions).all()
+    check_rotations(motion)
     again = method.generate(speech, speaker="ada", generator=torch.Generator().manual_seed(3))
     np.testing.assert_array_equal(motion.positions, again.positions)
+
+
+def check_rotations(motion):
+    """They are unit quaternions, and the positions are what they make of the skeleton."""
+    rotations, parents = motion.rotations_local, motion.skeleton.parents
+    if rotations is None:
+        return
+    np.testing.assert_allclose(np.linalg.norm(rotations, axis=-1), 1, atol=1e-6)
+    root = motion.positions[:, parents.index(-1)]
+    posed = skeleton_positions(motion.skeleton, rotations, root)
+    np.testing.assert_allclose(posed, motion.positions, atol=1e-5)
+
+
+def test_the_ten_joints_come_of_the_whole_skeleton_where_a_method_knows_it(store):
+    """Else what is judged and what is written as BVH could be two motions."""
+    motion = build("gesticulator", store).generate(store.speech(Span(5, 0, 60)))
+    assert motion.rotations_local is not None
+    assert set(SKELETON.joints) > set(motion.skeleton.joints) > {"Hips", "LeftHand", "LeftUpLeg"}
 
 
 def test_speech_without_a_transcript_is_enough(method):
@@ -292,8 +314,11 @@ def test_the_motion_is_the_same_however_the_sound_is_cut(method, store, cut):
     speech = spoken(store)
     whole = method.generate(speech, "ada", generator=torch.Generator().manual_seed(3))
     motions, _ = pushed(method, speech, CUTS[cut])
-    together = np.concatenate([motion.positions for motion in motions])
-    np.testing.assert_array_equal(together, whole.positions)
+    first, *others = motions
+    together = functools.reduce(Motion.followed_by, others, first)
+    np.testing.assert_array_equal(together.positions, whole.positions)
+    if whole.rotations_local is not None:
+        np.testing.assert_array_equal(together.rotations_local, whole.rotations_local)
 
 
 @each_stream

@@ -128,13 +128,13 @@ def test_a_checkpoint_speaks(settings, tmp_path, monkeypatch):
     path = save(checkpoint(settings), tmp_path / "model.ckpt", monkeypatch)
     method = import_published(path, placeholder_facts())
     waveform = np.sin(np.arange(24_000) / 9).astype(np.float32) * 0.3
-    motion = method.whole_skeleton(Speech(waveform, (Word("Well.", 0.2, 0.9),)))
+    motion = method.generate(Speech(waveform, (Word("Well.", 0.2, 0.9),)))
     assert (len(motion), motion.first_bad_frame()) == (30, None)
     np.testing.assert_array_equal(method.mean_pose, mean_pose())
     with torch.no_grad():
         method.network.last.bias += 0.3
     speech = Speech(waveform, (Word("Well.", 0.2, 0.9),))
-    other = method.whole_skeleton(speech).rotations_local
+    other = method.generate(speech).rotations_local
     assert np.abs(other - motion.rotations_local).max() > 0.1
 
 

@@ -196,10 +196,10 @@ def test_before_and_after_the_speech_there_is_silence_not_zeros(corpus, vector_f
         encoded = method.network.encode(padded[None])
         poses = method.network.roll(encoded, method.mean_pose.expand(1, 3, -1))[0]
     expected = method.codec.motion(poses, FPS)
-    spoken = method.whole_skeleton(said)
+    spoken = method.generate(said)
     np.testing.assert_allclose(spoken.positions, expected.positions, atol=1e-5)
     method.silence.zero_()
-    assert np.abs(method.whole_skeleton(said).positions - expected.positions).max() > 1e-3
+    assert np.abs(method.generate(said).positions - expected.positions).max() > 1e-3
 
 
 def test_a_field_that_needs_all_of_the_sound_is_waited_for():
@@ -216,4 +216,4 @@ def test_a_field_that_needs_all_of_the_sound_is_waited_for():
 def test_no_sound_has_no_frames(corpus, vector_file):
     method = speaking(corpus, OfWords(), word_vectors=str(vector_file))
     assert len(method.open().finish()) == 0
-    assert len(method.whole_skeleton(Speech(np.zeros(0, np.float32)))) == 0
+    assert len(method.generate(Speech(np.zeros(0, np.float32)))) == 0

@@ -61,7 +61,7 @@ def test_poses_of_components_begin_at_the_mean_and_a_checkpoint_holds_them(store
     trainer.save_checkpoint(path)
     loaded = Gesticulator.load_from_checkpoint(path, weights_only=True)
     speech = store.speech(Span(0, 0, 60))
-    motions = [one.whole_skeleton(speech) for one in (method, loaded)]
+    motions = [one.generate(speech) for one in (method, loaded)]
     np.testing.assert_array_equal(motions[0].positions, motions[1].positions)
 
 

@@ -151,7 +151,7 @@ def test_a_whole_speech_is_padded_and_begun_as_published(method):
         )
         for field in method.fields
     )
-    motion = method.whole_skeleton(Speech(np.zeros(32_000, dtype=np.float32)))
+    motion = method.generate(Speech(np.zeros(32_000, dtype=np.float32)))
     joints = [TRINITY_BODY.index[joint] for joint in method.codec.joints]
     made = exponential_maps(torch.from_numpy(motion.rotations_local[:, joints])).flatten(1)
     published = formulas.expected("gesticulator")["predicted_clip"][0]

@@ -258,6 +258,8 @@ def _lacks(store: Store) -> set[FieldSource]:
         lacks.add("upper body")
     if store.dimensions != 3:
         lacks.add("motion")
+    if not any(store.recordings.columns["has_words"]):
+        lacks.add("words")
     return lacks | {"search"}
 
 

@@ -21,7 +21,8 @@ class Stream(ABC):
     """Motion for one speech that is heard piece by piece.
 
     What `push` gives and then `finish`, one after the other, is the motion of the whole speech,
-    however it was cut: ``ceil(duration * fps)`` frames. A subclass implements `_hear` and `_end`.
+    however it was cut: ``ceil(duration * fps)`` frames, on one skeleton (`GestureMethod.generate`).
+    A subclass implements `_hear` and `_end`.
 
     Attributes:
         look_ahead_s: A frame depends on no sound that is later than it by more, s: ``math.inf``

@@ -73,7 +73,11 @@ _LACKING: Mapping[FieldSource, tuple[str, str]] = {
         "2-D keypoints have none: choose a 3-D corpus (for Berkeley data.kind=3d)",
     ),
     "sound": ("sound", "use a corpus with audio, or a method that reads none"),
-    "words": ("words", "use a corpus with transcripts, or a method that reads none"),
+    "words": (
+        "transcripts",
+        "put one beside each sound file (.TextGrid, .json, .tsv ...), or train on sound alone:"
+        " model.text=none for model=gesticulator",
+    ),
     "speaker": ("speakers", "use a corpus that says who speaks, or a method that doesn't ask"),
     "search": (
         "motion that a search found",
@@ -124,7 +128,7 @@ def refuse_lacking(
     fields, lacks = fields_of(needs), set(lacks)
     lacking, hints = list[str](), list[str]()
     for source in (source for source in _LACKING if source in lacks):
-        if names := [field.name for field in fields if field.reads == source]:
+        if names := [f.name for f in fields if f.reads == source and not f.has_padding]:
             what, hint = _LACKING[source]
             lacking.append(f"{what} (the field {', '.join(names)})")
             hints.append(hint)

@@ -41,6 +41,7 @@ class Field:
         axis: The time axis that follows the batch's.
         unit: Unit of its numbers.
         width: Numbers per step of the axis; None where the skeleton says how many.
+        has_padding: Whether it means something in a corpus where nothing has what it is made from.
         dtype: Of the batch's tensor.
     """
 
@@ -49,6 +50,7 @@ class Field:
     axis: Axis
     unit: str
     width: int | None = 1
+    has_padding: bool = False
     dtype: type[np.generic] = np.float32
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar, cast, get_args
 
@@ -20,6 +19,7 @@ from cospeech.corpus.windows import WindowDataset, WindowSpec
 from cospeech.errors import ConfigError, require_choice, require_range
 from cospeech.methods.base import GestureMethod
 from cospeech.methods.gesticulator.inputs import Audio, Text, speech_inputs
+from cospeech.methods.gesticulator.joints import JOINTS, joints_of
 from cospeech.methods.gesticulator.losses import VelocityAxis, pose_loss, velocity_loss
 from cospeech.methods.gesticulator.networks import (
     AHEAD,
@@ -37,18 +37,10 @@ from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.upper_body import to_upper_body
 from cospeech.nn.modes import evaluating
-from cospeech.speech.speech import Speech
 from cospeech.training.losses import WeighedLosses
 from cospeech.training.steps import descend, log_losses
 
 logger = logging.getLogger(__name__)
-
-JOINTS = (
-    *("LeftHand", "LeftForeArm", "LeftArm", "LeftShoulder"),
-    *("RightHand", "RightForeArm", "RightArm", "RightShoulder"),
-    *("Head", "Neck1", "Neck", "Spine3", "Spine2", "Spine1", "Spine"),
-)
-"""The joints whose rotations are made, in the published order of channels."""
 
 FPS = 20.0
 _TRAINED_FRAMES, _JUDGED_FRAMES = 40, 100
@@ -173,6 +165,10 @@ class Gesticulator(GestureMethod):
 
     def on_train_start(self) -> None:
         """Take the mean pose of the training motion, which motion begins from."""
+        lacking = [name for name, own in zip(JOINTS, self.codec.joints, strict=True) if own is None]
+        if lacking:
+            told = self.codec.skeleton.name, len(JOINTS) - len(lacking), ", ".join(lacking)
+            logger.info("skeleton %s: %d joints are made; it has nothing like %s", *told)
         loader = self.trainer.train_dataloader
         assert isinstance(loader, WindowLoader)
         assert isinstance(loader.dataset, WindowDataset)
@@ -244,31 +240,21 @@ class Gesticulator(GestureMethod):
         seed_motion: Motion | None,
         generator: torch.Generator,
     ) -> Stream:
-        """Begin upper-body motion at 20 fps."""
-        return self._stream(lambda poses: to_upper_body(self._motion(poses)))
-
-    def whole_skeleton(self, speech: Speech) -> Motion:
-        """Rotations of all joints of the training skeleton, 20 fps, for speech of any length.
+        """Begin rotations of the training skeleton at 20 fps.
 
         Joints that aren't made keep their mean rotation, and the root stays where it is.
         """
-        stream = self._stream(self._motion)
-        begun = stream.push(speech.waveform, speech.words)
-        rest = stream.finish()
-        return rest if begun is None else begun.followed_by(rest)
-
-    def _stream(self, to_motion: Callable[[Tensor], Motion]) -> Stream:
         fps = self.window.fps
         inputs = [open_rows(field, fps) for field in self.fields]
         quiet = cast(Tensor, self.silence)
-        return PoseByPose(self.network, inputs, quiet, self._start(1), to_motion, fps)
+        return PoseByPose(self.network, inputs, quiet, self._start(1), self._motion, fps)
 
     def _motion(self, poses: Tensor) -> Motion:
         return self.codec.motion(poses, self.window.fps)
 
 
 def _codec(skeleton: Skeleton, pca: int | None) -> ExponentialMapCodec | PrincipalComponentCodec:
-    rotations = ExponentialMapCodec(skeleton, JOINTS)
+    rotations = ExponentialMapCodec(skeleton, joints_of(skeleton))
     if pca is None:
         return rotations
     if pca != int(pca):

@@ -58,8 +58,9 @@ class RotationCodec(nn.Module, ABC):
         skeleton: With rest offsets; the bones that `decode` poses. A recording's own are those of
             the skeleton of its motion.
         joints: Names of the joints that are coded, prefixes (``mixamorig:``) apart. One that the
-            skeleton lacks is at rest: zeros when its rotation is encoded as a vector, and of no
-            effect when it is decoded, so that a model's channels fit skeletons with fewer joints.
+            skeleton lacks, by its name or said to be None, is at rest: zeros when its rotation is
+            encoded as a vector, and of no effect when it is decoded, so that a model's channels fit
+            skeletons with fewer joints.
 
     Raises:
         CospeechError: The skeleton has no rest offsets, or none of the joints.
@@ -69,19 +70,22 @@ class RotationCodec(nn.Module, ABC):
     offsets: Tensor
     others: Tensor
 
-    def __init__(self, skeleton: Skeleton, joints: Sequence[str]) -> None:
+    def __init__(self, skeleton: Skeleton, joints: Sequence[str | None]) -> None:
         super().__init__()
         names = bare_names(skeleton)
-        if skeleton.offsets is None or not set(joints) & set(names):
-            lacks = "rest offsets" if skeleton.offsets is None else ", ".join(joints)
+        wanted = [(i, joint) for i, joint in enumerate(joints) if joint is not None]
+        known = [(i, names[joint]) for i, joint in wanted if joint in names]
+        if skeleton.offsets is None or not known:
+            lacks = ", ".join(joint for _, joint in wanted)
+            lacks = "rest offsets" if skeleton.offsets is None else lacks
             raise CospeechError(
                 f"rotations can't pose skeleton {skeleton.name!r}, which has no {lacks}",
                 "use a corpus of BVH files, or the embedded one",
             )
         self.skeleton = skeleton
         self.joints = tuple(joints)
-        self._columns = [i for i, joint in enumerate(joints) if joint in names]
-        self._indices = [names[joints[i]] for i in self._columns]
+        self._columns = [column for column, _ in known]
+        self._indices = [index for _, index in known]
         self._levels = _levels(skeleton)
         self.register_buffer("offsets", torch.tensor(skeleton.offsets, dtype=torch.float32))
         self.register_buffer("others", torch.tensor([0.0, 0.0, 0.0, 1.0]).repeat(len(skeleton), 1))
