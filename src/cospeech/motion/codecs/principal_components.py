@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from cospeech.motion.codecs.rotations import RotationCodec
 from cospeech.motion.motion import Motion
+from cospeech.motion.skeleton import Skeleton
 
 
 class PrincipalComponentCodec(nn.Module):
@@ -37,6 +38,16 @@ class PrincipalComponentCodec(nn.Module):
     def size(self) -> int:
         """Values a frame."""
         return len(self.directions)
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The codec's, whose bones are posed."""
+        return self.features.skeleton
+
+    @property
+    def joints(self) -> tuple[str | None, ...]:
+        """The codec's coded joints."""
+        return self.features.joints
 
     @torch.no_grad()
     def fit(self, rotations_local: Tensor) -> None:
