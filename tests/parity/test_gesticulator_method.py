@@ -147,6 +147,8 @@ def test_a_whole_speech_is_padded_and_begun_as_published(method):
             field,
             fps=None,
             context=None,
+            placed=None,
+            opens=None,
             compute=lambda _, fps, frames, name=field.name: rows[name][:frames].numpy(),
         )
         for field in method.fields
