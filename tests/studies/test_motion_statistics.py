@@ -9,7 +9,7 @@ import torch
 from matplotlib.image import imread
 
 from cospeech.motion.motion import Motion
-from cospeech.motion.upper_body import MOVING_JOINTS, UPPER_BODY
+from cospeech.motion.upper_body import MOVING_JOINTS, UPPER_BODY, to_upper_body
 from cospeech.reporting.charts import colour
 from cospeech.studies.motion_statistics import (
     BINS,
@@ -20,6 +20,7 @@ from cospeech.studies.motion_statistics import (
 )
 from cospeech.studies.trained_system import TrainedSystem
 from tests.corpora import REST_POSE, make_store
+from tests.fabricated.mocap import body, swinging
 
 RIGHT = UPPER_BODY.index["right_wrist"]
 
@@ -38,6 +39,25 @@ class Sliding(torch.nn.Module):
 class Still(torch.nn.Module):
     def generate(self, speech, speaker, generator):
         return Motion(UPPER_BODY, 15.0, REST_POSE[None].repeat(150, axis=0))
+
+
+class Whole(torch.nn.Module):
+    """Swings all joints of a whole skeleton, at 20 fps."""
+
+    def generate(self, speech, speaker, generator):
+        return swinging(body(), "whole", speech.duration, 20.0)
+
+
+class TenOf(Whole):
+    def generate(self, speech, speaker, generator):
+        return to_upper_body(super().generate(speech, speaker, generator))
+
+
+def test_of_a_whole_skeleton_the_ten_joints_are_measured(tmp_path):
+    systems = [TrainedSystem("whole", 0, Whole()), TrainedSystem("ten", 0, TenOf())]
+    found = motion_statistics(make_store(tmp_path), systems, "train", tmp_path)["systems"]
+    assert found["whole"] == found["ten"]
+    assert min(found["ten"]["per_recording"]["speed"]) > 0
 
 
 def test_runs_of_one_name_are_one_system(tmp_path):

@@ -15,6 +15,7 @@ from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.evaluation_windows import to_evaluation_windows
 from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import to_upper_body
 from cospeech.progress import progress_bar
 
 
@@ -71,7 +72,7 @@ def evaluate_recordings(
 def generated_motions(
     method: GestureMethod, store: Store, spans: Sequence[Span], title: str
 ) -> Iterator[Motion]:
-    """What a method makes of the speech of stretches, one after another.
+    """The ten joints of what a method makes of the speech of stretches, one after another.
 
     Stretch i is generated from seed i, without seed motion, for its speaker where known.
 
@@ -85,9 +86,10 @@ def generated_motions(
     method.eval()
     for number, span in enumerate(progress_bar(spans, len(spans), title)):
         speaker = store.recordings[span.recording].speaker
-        yield method.generate(
+        motion = method.generate(
             store.speech(span),
             speaker=speaker if speaker in store.speaker_ids else None,
             generator=torch.Generator().manual_seed(number),
         )
+        yield to_upper_body(motion)
     method.train(training)

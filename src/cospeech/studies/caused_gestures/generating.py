@@ -12,7 +12,7 @@ from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.evaluation import generated_motions
 from cospeech.motion.motion import Motion, resample_positions
-from cospeech.motion.upper_body import EVALUATION_FPS, to_upper_body
+from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.studies.caused_gestures.measuring import SystemMotion
 from cospeech.studies.caused_gestures.strokes import Take
 from cospeech.studies.trained_system import TrainedSystem
@@ -85,9 +85,8 @@ def generated_motion(system: TrainedSystem, store: Store, takes: Sequence[Take])
 
 
 def _as_long_as(take: Take, motion: Motion, title: str) -> NDArray[np.float32]:
-    """Its upper body at the evaluation rate, with the take's frames."""
-    upper_body = to_upper_body(motion)
-    positions = resample_positions(upper_body.positions, motion.fps, EVALUATION_FPS)
+    """At the evaluation rate, with the take's frames."""
+    positions = resample_positions(motion.positions, motion.fps, EVALUATION_FPS)
     frames = len(take.positions)
     missing = frames - len(positions)
     # The last frame of a slower motion may be up to a frame before the end of the speech.
