@@ -26,3 +26,9 @@ def test_a_number_is_in_its_range(value, most, told):
     require_range("model.k", 8, 1, most)
     with pytest.raises(ConfigError, match=f"^{re.escape(told)}$"):
         require_range("model.k", value, 1, most)
+
+
+@pytest.mark.parametrize("value", [float("inf"), float("nan"), -1])
+def test_a_number_without_an_upper_end_is_finite_all_the_same(value):
+    with pytest.raises(ConfigError, match=r"model\.rate=.*: must be at least 0"):
+        require_range("model.rate", value, 0)

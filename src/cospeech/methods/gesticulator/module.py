@@ -129,6 +129,7 @@ class Gesticulator(GestureMethod):
         require_choice("model.velocity_axis", velocity_axis, get_args(VelocityAxis))
         require_range("model.epochs_without_history", epochs_without_history, 0)
         require_range("model.velocity_weight", velocity_weight, 0)
+        require_range("model.learning_rate", learning_rate, 0)
         require_range("model.dropout", dropout, 0, 1)
         require_range("model.conditioning_dropout", conditioning_dropout, 0, 1)
         self.save_hyperparameters(logger=False)
