@@ -95,6 +95,8 @@ def require_range(setting: str, value: float, least: float, most: float | None =
     Raises:
         ConfigError: The message names the setting, its value and the range.
     """
-    if not (least <= value < math.inf if most is None else least <= value <= most):
+    if value == math.inf:
+        raise ConfigError(f"{setting}={value}: must be finite")
+    if not least <= value <= (math.inf if most is None else most):
         wanted = f"at least {least}" if most is None else f"from {least} to {most}"
         raise ConfigError(f"{setting}={value}: must be {wanted}")
