@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -28,6 +29,22 @@ def without(skeleton, *joints):
     return Skeleton("less", names, parents, skeleton.offsets[kept], joint_map=skeleton.joint_map)
 
 
+def with_one_above(skeleton, joint, name):
+    """The same skeleton with one joint more, between a joint and its parent."""
+    names, parents = [*skeleton.joints, name], [*skeleton.parents]
+    parents.append(parents[skeleton.index[joint]])
+    parents[skeleton.index[joint]] = len(skeleton)
+    order = [*range(len(skeleton))]
+    order.insert(skeleton.index[joint], len(skeleton))
+    return Skeleton(
+        "more",
+        tuple(names[i] for i in order),
+        tuple(-1 if parents[i] < 0 else order.index(parents[i]) for i in order),
+        np.concatenate([skeleton.offsets, [[0.01, 0.02, 0.0]]])[order],
+        joint_map=skeleton.joint_map,
+    )
+
+
 def test_trinitys_own_skeleton_has_all_of_them():
     assert joints_of(TRINITY_BODY) == JOINTS
 
@@ -48,6 +65,17 @@ def test_other_names_are_found_by_the_joint_map():
         "Neck1": "b_neck1", "Neck": "b_neck0", "Spine3": "b_spine3", "Spine2": "b_spine2",
         "Spine1": "b_spine1", "Spine": "b_spine0",
     }  # fmt: skip
+
+
+def test_of_several_joints_the_one_next_to_the_trunk_is_the_blade_and_to_the_neck_the_second():
+    more = with_one_above(TWH_BODY, "b_head", "b_neck2")
+    for side in "lr":
+        for name in ("twist", "outer"):
+            more = with_one_above(more, f"b_{side}_arm", f"b_{side}_{name}")
+    found = dict(zip(JOINTS, joints_of(more), strict=True))
+    assert (found["LeftShoulder"], found["LeftArm"]) == ("b_l_shoulder", "b_l_arm")
+    assert (found["RightShoulder"], found["RightArm"]) == ("b_r_shoulder", "b_r_arm")
+    assert (found["Neck"], found["Neck1"], found["Head"]) == ("b_neck0", "b_neck1", "b_head")
 
 
 def test_a_name_that_means_another_joint_is_not_taken():

@@ -185,6 +185,52 @@ def test_sentences_are_spoken_before_the_speech_ends(corpus, vector_file):
     np.testing.assert_array_equal(positions, whole)
 
 
+def test_components_of_poses_are_the_same_however_the_sound_is_cut(corpus):
+    torch.manual_seed(0)
+    method = Gesticulator(corpus, text="none", initialisation="he", pca=12).eval()
+    method.codec.directions.copy_(torch.linalg.qr(torch.randn(45, 12)).Q.T)
+    whole = method.generate(Speech(sound(3.0))).positions
+    stream = method.open()
+    motions = [stream.push(piece) for piece in np.split(sound(3.0), 30)]
+    positions = [motion.positions for motion in [*motions, stream.finish()] if motion is not None]
+    assert len(positions) > 10
+    np.testing.assert_array_equal(np.concatenate(positions), whole)
+
+
+@pytest.mark.parametrize("published", [False, True])
+def test_a_blank_text_is_silence_and_holds_nothing_back(published):
+    blank = [Word("", 6.2, 6.5), Word(" \t", 7.0, 7.4)]
+    rows, counts = every_row(OfSentences(), published, [*WORDS[:10], *blank])
+    expected, expected_counts = every_row(OfSentences(), published, WORDS[:10])
+    np.testing.assert_array_equal(rows, expected)
+    assert counts == expected_counts
+    assert counts[-1] == len(rows)
+
+
+def test_a_sentence_that_does_not_end_is_told_of_once_a_stream(caplog):
+    second = np.zeros(SAMPLE_RATE, np.float32)
+
+    def warned(provider, texts):
+        caplog.clear()
+        stream = SpokenWordsStream(provider, True, FPS)
+        for number in range(40):
+            text = texts[number % len(texts)]
+            stream.hear(second, [Word(text, number + 0.5, number + 0.9)])
+        stream.finish()
+        return [record.getMessage() for record in caplog.records]
+
+    (message,) = warned(OfSentences(), ["so", "it"])
+    assert "began at 0.5 s" in message
+    assert "model.text=static" in message
+    assert not warned(OfWords(), ["so", "it"])
+    assert not warned(OfSentences(), ["so", "it", "grew."])
+    # A whole speech in one push waits for nothing that finish wouldn't bring.
+    caplog.clear()
+    words = [Word("so", number + 0.5, number + 0.9) for number in range(40)]
+    SpokenWordsStream(OfSentences(), True, FPS).hear(np.tile(second, 40), words)
+    assert not caplog.records
+
+
 def test_before_and_after_the_speech_there_is_silence_not_zeros(corpus, vector_file):
     method = speaking(corpus, OfWords(), word_vectors=str(vector_file))
     said, quiet = Speech(sound(2.0), WORDS[:4]), method.silence.clone()

@@ -65,6 +65,18 @@ def test_all_components_lose_nothing_and_few_lose_what_they_leave_out():
     assert 1e-3 < away < 0.05
 
 
+def test_a_frame_is_the_same_to_the_bit_however_many_there_are():
+    moved = rotations(frames=40)
+    codec = PrincipalComponentCodec(ExponentialMapCodec(SKELETON, SKELETON.joints[:15]), 12)
+    codec.fit(moved)
+    scores = codec.encode(moved)
+    whole = codec.motion(scores, 20.0).positions
+    for frames in (1, 2, 3, 5, 17):
+        pieces = [codec.motion(piece, 20.0).positions for piece in scores.split(frames)]
+        np.testing.assert_array_equal(np.concatenate(pieces), whole)
+    assert len(codec.motion(scores[:0], 20.0)) == 0
+
+
 def test_a_state_is_enough_and_a_new_one_can_be_tried_out():
     moved = rotations()
     codec, other = (

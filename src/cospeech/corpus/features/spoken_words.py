@@ -5,6 +5,7 @@ See docs/facts/trinity_and_gesticulator.md, section 3.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,6 +29,11 @@ from cospeech.speech.text.spoken_words import (
 from cospeech.speech.text.syllables import count_syllables
 from cospeech.speech.text.vectors import SingleWordVectors, WordVectors
 
+logger = logging.getLogger(__name__)
+
+PATIENCE_S = 30.0
+"""So long a stream waits for the end of a sentence before it says what it waits for."""
+
 SILENCE_VALUE = -15.0
 """Every number of the vector where nobody speaks."""
 
@@ -37,8 +43,9 @@ def spoken_words(provider: WordVectors, published: bool = False) -> SpeechField:
 
     Of the word that is said: time since it began and until it ends, its duration, s; how much of it
     is over, 0 to 1; its syllables per second, where a word has one at least. In silence the vector
-    is `SILENCE_VALUE` everywhere and the timing 0; a filler (`FILLERS`) has the vectors' mean of
-    all fillers. A provider reads sentence by sentence (`Sentences`).
+    is `SILENCE_VALUE` everywhere and the timing 0, as it is where a word's text is blank; a filler
+    (`FILLERS`) has the vectors' mean of all fillers. A provider reads sentence by sentence
+    (`Sentences`).
 
     Args:
         provider: Gives a vector for each word.
@@ -77,7 +84,8 @@ class SpokenWordsStream:
 
     A row of silence or of a filler waits for the sound of its frame, up to which every word has
     come that begins in it. A row of a word waits for its vector, too: for the end of the sentence,
-    where the provider isn't one of `SingleWordVectors`.
+    where the provider isn't one of `SingleWordVectors`. Once a sentence has been open for more than
+    `PATIENCE_S` of sound, the log says so, once.
 
     Attributes:
         look_ahead_s: Of sound: none is looked at.
@@ -92,6 +100,7 @@ class SpokenWordsStream:
     def __init__(self, provider: WordVectors, published: bool, fps: float) -> None:
         self._rows, self._fps = _Rows(provider, published, fps), fps
         self._samples = 0
+        self._has_warned = False
         is_finite = self._rows.is_of_single_words
         self.words_look_ahead_s = 1 / self._rows.fps if is_finite else math.inf
         self.delay_s = self.words_look_ahead_s
@@ -100,6 +109,7 @@ class SpokenWordsStream:
         self, samples: NDArray[np.float32], words: Sequence[Word] | None = None
     ) -> NDArray[np.float32]:
         """The next rows ``(F, width)`` that further sound and the words in it complete."""
+        self._warn_of_an_open_sentence()
         self._samples += len(samples)
         self._rows.add(words or ())
         # What begins from now on is on none of these frames.
@@ -111,6 +121,18 @@ class SpokenWordsStream:
         """The rows that are left up to the end of the sound."""
         self._rows.end()
         return self._rows.until(covering_frames(self._samples, self._fps))
+
+    def _warn_of_an_open_sentence(self) -> None:
+        since_s = self._rows.waits_since_s
+        if self._has_warned or self._samples / SAMPLE_RATE - since_s <= PATIENCE_S:
+            return
+        self._has_warned = True
+        logger.warning(
+            "the sentence that began at %.1f s hasn't ended yet, and nothing later comes out of the"
+            " stream until it does: push words that end sentences with '.', '!' or '?', or use a"
+            " model with vectors of single words (model.text=static)",
+            since_s,
+        )
 
 
 @dataclass(eq=False)
@@ -154,9 +176,16 @@ class _Rows:
         self._filler: NDArray[np.float32] | None = None
         self._placed = self._put_out = 0
 
+    @property
+    def waits_since_s(self) -> float:
+        """When the first word without a vector begins; ``math.inf`` where there is none."""
+        return min((spoken.word.start for spoken in self._open.values()), default=math.inf)
+
     def add(self, words: Sequence[Word]) -> None:
         """Take further words."""
         for word in words:
+            if not word.text.strip():
+                continue
             spoken = _Spoken(word, self._frames(word))
             self._words.append(spoken)
             index, sentence = self._sentences.add(word.text)

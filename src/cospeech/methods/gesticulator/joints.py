@@ -34,7 +34,8 @@ def joints_of(skeleton: Skeleton) -> tuple[str | None, ...]:
     A skeleton that calls the arms' joints as Trinity does is taken at its names, prefixes apart.
     Of another one the joint map says where the arms, the neck and the head are; what lies between
     them is the rest: shoulder blades from the trunk to the arms, the spine from the pelvis to the
-    neck, a second neck joint before the head.
+    neck, a second neck joint before the head. Of several the blade is the one nearest the trunk and
+    the second neck joint the one nearest the neck, as in a chain that is followed outwards.
 
     Raises:
         CospeechError: It has other names and no joint map fits, or the map puts a joint of the arms

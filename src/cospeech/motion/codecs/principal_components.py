@@ -77,5 +77,12 @@ class PrincipalComponentCodec(nn.Module):
         return (self.features.encode(rotations_local) - self.mean) @ self.directions.T
 
     def motion(self, components: Tensor, fps: float) -> Motion:
-        """The whole skeleton's motion of components ``(T, size)``; see `RotationCodec.motion`."""
-        return self.features.motion(components @ self.directions + self.mean, fps)
+        """The whole skeleton's motion of components ``(T, size)``; see `RotationCodec.motion`.
+
+        A frame is the same to the bit whatever the others are, and however many.
+        """
+        # A matrix product's bits depend on the number of frames; those of sums of products don't.
+        features = self.mean.expand(*components.shape[:-1], -1)
+        for score, direction in zip(components.unbind(-1), self.directions, strict=True):
+            features = features + score[..., None] * direction
+        return self.features.motion(features, fps)
