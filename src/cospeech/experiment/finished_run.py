@@ -159,7 +159,8 @@ class FinishedRun:
             return model
 
         with _not_many_more_weights_than(len(state)):
-            model = filled(made, state)
+            # Of a training that diverged the motion tells.
+            model = filled(made, state, finite=False)
         assert isinstance(model, GestureMethod)
         return model.eval()
 
