@@ -121,7 +121,7 @@ def test_signed_ranks_by_hand():
 
 
 def test_noise_of_floating_point_makes_no_difference_of_ratings():
-    assert signed_rank_test([0.1 + 0.2], [0.3]) == 1
+    assert signed_rank_test([0.1 + 0.2] * 6, [0.3] * 6) == 1
     first, second = [1.3, 2, 0.1, 5], [1, 2.3, 0.4, 4]
     tenfold = [[round(10 * rating) for rating in side] for side in (first, second)]
     assert signed_rank_test(first, second) == signed_rank_test(*tenfold) == 1
