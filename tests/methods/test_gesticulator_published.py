@@ -158,10 +158,20 @@ def test_vectors_of_another_language_model_are_refused(settings, tmp_path, monke
     [
         ({"encode_speech.0.weight": torch.zeros(248, 305 + 64)}, "is 369 numbers, not 773"),
         ({"encode_speech.0.weight": torch.zeros(248)}, "no weights for encode_frame.0.0"),
-        ({"first_layer.0.weight": torch.zeros(9, 612)}, r"sizes.*first_layer.0.weight is \[9"),
-        ({"hidden_to_output.0.weight": torch.zeros(45, 384)}, "sizes.*head.0.weight is .45, 384"),
+        ({"first_layer.0.weight": torch.zeros(9, 612)}, r"weights.*first_layer.0.weight is \[9"),
+        ({"hidden_to_output.0.weight": torch.zeros(45, 384)}, "weights.*head.0.weight is .45, 384"),
         ({"conditioning_2.0.weight": torch.zeros(3)}, "no place for 'conditioning_2.0.weight'"),
         ({"reduce_speech_enc.0.bias": 3}, "no tensor reduce.0.bias"),
+        *(
+            ({"reduce_speech_enc.0.bias": torch.full((612,), value, dtype=dtype)}, message)
+            for value, dtype, message in [
+                (math.nan, torch.float32, "reduce.0.bias holds values that are not finite"),
+                (-math.inf, torch.float32, "reduce.0.bias holds values that are not finite"),
+                (1e300, torch.float64, "reduce.0.bias holds values that are not finite"),
+                (1, torch.complex64, "reduce.0.bias holds torch.complex64, not torch.float32"),
+                (1, torch.int8, "reduce.0.bias holds torch.int8, not torch.float32"),
+            ]
+        ),
     ],
 )
 def test_other_tensors_are_refused_in_a_line(settings, tmp_path, monkeypatch, change, message):
@@ -176,12 +186,16 @@ def test_other_tensors_are_refused_in_a_line(settings, tmp_path, monkeypatch, ch
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mean_pose": None}, "no vector of 45 numbers"),
-        ({"mean_pose": mean_pose(12)}, "no vector of 45 numbers"),
-        ({"mean_pose": mean_pose().reshape(9, 5)}, "no vector of 45 numbers"),
-        ({"mean_pose": np.full(45, np.nan)}, "no vector of 45 numbers"),
-        ({"mean_pose": np.array([{}] * 45)}, "no vector of 45 numbers"),
-        ({"mean_pose": np.zeros(45, complex)}, "no vector of 45 numbers"),
+        ({"mean_pose": None}, "no vector of 45 finite numbers"),
+        ({"mean_pose": mean_pose(12)}, "no vector of 45 finite numbers"),
+        ({"mean_pose": mean_pose().reshape(9, 5)}, "no vector of 45 finite numbers"),
+        ({"mean_pose": np.full(45, np.nan)}, "no vector of 45 finite numbers"),
+        ({"mean_pose": np.array([{}] * 45)}, "no vector of 45 finite numbers"),
+        ({"mean_pose": np.zeros(45, complex)}, "no vector of 45 finite numbers"),
+        ({"mean_pose": [1e300] * 45}, "no vector of 45 finite numbers"),
+        ({"mean_pose": [True] * 45}, "no vector of 45 finite numbers"),
+        ({"mean_pose": torch.ones(45, dtype=torch.bool)}, "no vector of 45 finite numbers"),
+        ({"mean_pose": torch.ones(45, dtype=torch.complex64)}, "no vector of 45 finite numbers"),
         ({"activation": "LeakyReLU"}, "activation 'LeakyReLU'"),
     ],
 )

@@ -88,12 +88,25 @@ def test_a_table_leaves_ties_out_and_corrects_over_its_rows():
     assert (nobody.low, nobody.high, nobody.p) == (0, 1, 1)
 
 
-@pytest.mark.parametrize("counts", [(-1, 3), (3, -1)])
-def test_negative_counts_are_refused(counts):
-    with pytest.raises(ValueError, match="counts"):
-        sign_test(*counts)
+@pytest.mark.parametrize("wrong", [-1, 2.5, float("nan"), float("inf")])
+def test_what_is_no_count_is_refused(wrong):
+    for counts in [(wrong, 3), (3, wrong)]:
+        with pytest.raises(ValueError, match="counts"):
+            sign_test(*counts)
+        with pytest.raises(ValueError, match="counts"):
+            share_interval(*counts)
     with pytest.raises(ValueError, match="counts"):
         share_interval(5, 4)
+    with pytest.raises(ValueError, match="counts"):
+        preferences({"q": Answers(1, 2, wrong)})
+
+
+@pytest.mark.parametrize("level", [0, 1, 1.5, 95, float("nan")])
+def test_a_level_that_is_no_share_is_refused(level):
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        share_interval(3, 5, level)
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        preferences({"q": Answers(1, 2)}, level)
 
 
 def test_signed_ranks_by_hand():
@@ -105,6 +118,16 @@ def test_signed_ranks_by_hand():
     assert signed_rank_test([1, 2, 3, 4, 5], [0] * 5) == pytest.approx(2 / 32)
     assert signed_rank_test([3, 3], [3, 3]) == 1
     assert signed_rank_test([], []) == 1
+
+
+def test_noise_of_floating_point_makes_no_difference_of_ratings():
+    assert signed_rank_test([0.1 + 0.2] * 6, [0.3] * 6) == 1
+    first, second = [1.3, 2, 0.1, 5], [1, 2.3, 0.4, 4]
+    tenfold = [[round(10 * rating) for rating in side] for side in (first, second)]
+    assert signed_rank_test(first, second) == signed_rank_test(*tenfold) == 1
+    # What is small beside other differences isn't noise.
+    assert signed_rank_test([1, 2e-6, 3e-6], [0, 0, 0]) == signed_rank_test([3, 1, 2], [0, 0, 0])
+    assert signed_rank_test([5, -1e-6, 2e-6], [0] * 3) == signed_rank_test([3, -1, 2], [0] * 3)
 
 
 def test_signed_ranks_are_scipys_where_scipy_is_exact():

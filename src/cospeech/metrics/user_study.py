@@ -23,6 +23,9 @@ from scipy.stats import rankdata
 EXACT_PAIRS = 200
 """Pairs up to which the signed-rank test counts all signs; beyond, ranks are as good as normal."""
 
+ROUNDING = 1e-9
+"""Of the largest rating: differences that are no further apart are the same."""
+
 
 class Answers(NamedTuple):
     """How often each answer to one question was given.
@@ -73,7 +76,7 @@ def sign_test(first: int, second: int) -> float:
         1 where there is no answer.
 
     Raises:
-        ValueError: A count is negative.
+        ValueError: A count is negative or no whole number.
     """
     _require_counts(first, second)
     return min(1.0, 2 * float(bdtr(min(first, second), first + second, 0.5)))
@@ -94,8 +97,11 @@ def share_interval(count: int, of: int, level: float = 0.95) -> tuple[float, flo
         Its ends; 0 and 1 where nobody answered.
 
     Raises:
-        ValueError: A count is negative, or ``count`` is larger than ``of``.
+        ValueError: A count is negative or no whole number, ``count`` is larger than ``of``, or the
+            level isn't between 0 and 1.
     """
+    if not 0 < level < 1:
+        raise ValueError(f"a level is between 0 and 1, such as 0.95 for 95 %: {level}")
     _require_counts(count, of - count)
     tail = (1 - level) / 2
     low = float(betaincinv(count, of - count + 1, tail)) if count > 0 else 0.0
@@ -138,7 +144,12 @@ def preferences(questions: Mapping[str, Answers], level: float = 0.95) -> dict[s
 
     Returns:
         Name -> what its answers say, in the same order.
+
+    Raises:
+        ValueError: A count is negative or no whole number, or the level isn't between 0 and 1.
     """
+    for answers in questions.values():
+        _require_counts(*answers)
     raw = [sign_test(answers.first, answers.second) for answers in questions.values()]
     corrected = holm(raw).tolist()
     table = {}
@@ -156,6 +167,8 @@ def signed_rank_test(first: Sequence[float], second: Sequence[float]) -> float:
     The sum of the ranks of positive differences, among all sums that other signs of the same
     differences would give. Differences of 0 are left out, equal sizes share the mean of their
     ranks, and the distribution is that of these very ranks: exact with ties, as ratings have many.
+    What is within `ROUNDING` of the largest absolute rating is 0, or equal: means of ratings come
+    with the noise of floating point, which is no difference.
 
     Args:
         first: Ratings of one side, of persons or of clips.
@@ -173,9 +186,10 @@ def signed_rank_test(first: Sequence[float], second: Sequence[float]) -> float:
     differences = np.subtract(first, second, dtype=np.float64)
     if not np.isfinite(differences).all():
         raise ValueError("ratings are finite numbers")
-    differences = differences[differences != 0]
+    noise = ROUNDING * max(np.max(np.abs(side), initial=0.0) for side in (first, second))
+    differences = differences[np.abs(differences) > noise]
     # Twice the ranks: the mean of ranks that share is a half at worst.
-    ranks = np.rint(2 * rankdata(np.abs(differences))).astype(np.int64)
+    ranks = np.rint(2 * rankdata(_levels(np.abs(differences), noise))).astype(np.int64)
     total = int(ranks.sum())
     found = int(ranks[differences > 0].sum())
     extreme = min(found, total - found)
@@ -191,6 +205,16 @@ def signed_rank_test(first: Sequence[float], second: Sequence[float]) -> float:
     return min(1.0, 2 * float(probabilities[: extreme + 1].sum()))
 
 
+def _levels(sizes: NDArray[np.float64], noise: float) -> NDArray[np.int64]:
+    """From 0 upwards, the same for sizes between which there is no gap of more than the noise."""
+    order = np.argsort(sizes)
+    levels = np.zeros(len(sizes), dtype=np.int64)
+    levels[order[1:]] = np.cumsum(np.diff(sizes[order]) > noise)
+    return levels
+
+
 def _require_counts(*counts: int) -> None:
-    if min(counts) < 0:
-        raise ValueError(f"counts are 0 or more, and parts not larger than the whole: {counts}")
+    if not all(count >= 0 and float(count).is_integer() for count in counts):
+        raise ValueError(
+            f"counts are whole numbers from 0 on, and parts not larger than the whole: {counts}"
+        )

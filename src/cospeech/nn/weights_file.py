@@ -168,15 +168,18 @@ def read_checkpoint(path: str | Path, hint: str) -> dict[str, Any]:
     return content
 
 
-def filled(make: Callable[[], Network], state: Mapping[str, Tensor]) -> Network:
+def filled(
+    make: Callable[[], Network], state: Mapping[str, Tensor], *, finite: bool = True
+) -> Network:
     """A network with the weights of a file, made only once it is known to be of their size.
 
     Args:
         make: Makes the untrained network, whose sizes may be a file's claim.
         state: Its weights.
+        finite: Refuse values that are not.
 
     Raises:
-        ValueError: They are no weights of such a network.
+        ValueError: They are no weights of such a network, or not finite.
     """
     with torch.device("meta"):  # takes no memory
         expected = make().state_dict()
@@ -186,6 +189,11 @@ def filled(make: Callable[[], Network], state: Mapping[str, Tensor]) -> Network:
             raise ValueError(f"there is no tensor {name}")
         if found.shape != tensor.shape:
             raise ValueError(f"{name} is {list(found.shape)}, not {list(tensor.shape)}")
+        if found.is_floating_point() != tensor.is_floating_point() or found.is_complex():
+            raise ValueError(f"{name} holds {found.dtype}, not {tensor.dtype}")
+        # A double may be finite where a single is not.
+        if finite and not found.to(tensor.dtype).isfinite().all():
+            raise ValueError(f"{name} holds values that are not finite")
     if more := [name for name in state if name not in expected]:
         raise ValueError(f"there is no place for {more[0]!r:.100}")
     network = make()

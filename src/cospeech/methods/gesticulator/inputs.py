@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -15,7 +16,7 @@ from cospeech.corpus.features.mel import gesticulator_mel
 from cospeech.corpus.features.prosody import GESTICULATOR_PROSODY
 from cospeech.corpus.features.spoken_words import silence, spoken_words
 from cospeech.corpus.features.word_vectors import Packaged
-from cospeech.errors import ConfigError, require_choice
+from cospeech.errors import ConfigError, InputFileError, require_choice
 from cospeech.speech.speech import SAMPLE_RATE, Speech
 from cospeech.speech.text.contextual import ContextualVectors
 from cospeech.speech.text.vectors import StaticVectors, WordVectors
@@ -26,6 +27,12 @@ Text = Literal["contextual", "static", "none"]
 SILENT_SPECTROGRAM = -12.0
 """Of every band, before and after a speech, as published; digital silence would be -23.026."""
 
+OF_A_RUN = (
+    "a finished run needs what it was trained with: put it back, or say where it lies now:"
+    " cospeech.load(RUN, {0}=PATH), Gesticulator.load_from_checkpoint(FILE, {0}=PATH)"
+)
+"""Advice about the argument that names where text has its vectors from."""
+
 
 @dataclass(frozen=True, eq=False)
 class SpeechInputs:
@@ -34,10 +41,12 @@ class SpeechInputs:
     Attributes:
         fields: In the order of a frame's numbers, sound first.
         silence: ``(width,)`` a frame before or after the speech.
+        text_version: Of the vectors of words (`WordVectors`); None without text.
     """
 
     fields: tuple[SpeechField, ...]
     silence: NDArray[np.float32]
+    text_version: str | None
 
 
 def speech_inputs(
@@ -74,11 +83,13 @@ def speech_inputs(
             field, edge = _OF_SOUND[kind](published_hop)
             fields.append(field)
             edges.append(edge)
+    text_version = None
     if text != "none":
         provider = _provider(text, language_model, special_tokens, word_vectors, words)
         fields.append(spoken_words(provider, published_timing))
         edges.append(silence(provider))
-    return SpeechInputs(tuple(fields), np.concatenate(edges))
+        text_version = provider.version
+    return SpeechInputs(tuple(fields), np.concatenate(edges), text_version)
 
 
 def _spectrogram(published_hop: bool) -> tuple[SpeechField, NDArray[np.float32]]:
@@ -115,7 +126,16 @@ def _provider(
             raise ConfigError(
                 "model.text=static has no vectors", "name a fastText file: model.word_vectors=FILE"
             )
+        if not Path(word_vectors).is_file():
+            problem = "the file of word vectors is gone, or was never there"
+            hint = f"name a fastText file; {OF_A_RUN.format('word_vectors')}"
+            raise InputFileError(word_vectors, problem, hint=hint)
         return StaticVectors(word_vectors, words)
     if language_model is None:
         return Packaged(special_tokens)
-    return ContextualVectors(language_model, special_tokens=special_tokens)
+    try:
+        return ContextualVectors(language_model, special_tokens=special_tokens)
+    except InputFileError as error:
+        hint = f"{error.hint}; {OF_A_RUN.format('language_model')}"
+        problem = error.problem.removeprefix(f"{error.path}: ")
+        raise InputFileError(error.path, problem, hint=hint) from error

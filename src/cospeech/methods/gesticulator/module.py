@@ -16,9 +16,9 @@ from cospeech.corpus.features.positions import at_evaluation_rate
 from cospeech.corpus.features.streaming import open_rows
 from cospeech.corpus.window_loader import WindowLoader
 from cospeech.corpus.windows import WindowDataset, WindowSpec
-from cospeech.errors import ConfigError, require_choice, require_range
+from cospeech.errors import ConfigError, InputFileError, require_choice, require_range
 from cospeech.methods.base import GestureMethod
-from cospeech.methods.gesticulator.inputs import Audio, Text, speech_inputs
+from cospeech.methods.gesticulator.inputs import OF_A_RUN, Audio, Text, speech_inputs
 from cospeech.methods.gesticulator.joints import JOINTS, joints_of
 from cospeech.methods.gesticulator.losses import VelocityAxis, pose_loss, velocity_loss
 from cospeech.methods.gesticulator.networks import (
@@ -44,6 +44,7 @@ logger = logging.getLogger(__name__)
 
 FPS = 20.0
 _TRAINED_FRAMES, _JUDGED_FRAMES = 40, 100
+_TEXT_VERSION = "text_version"
 
 
 class Gesticulator(GestureMethod):
@@ -147,7 +148,7 @@ class Gesticulator(GestureMethod):
             published_timing,
             corpus["words"],
         )
-        self.fields = inputs.fields
+        self.fields, self.text_version = inputs.fields, inputs.text_version
         self.window = replace(self.window, own_fields=self.fields)
         self.needs = self.needs | {field.name for field in self.fields}  # type: ignore[misc]
         self.register_buffer("silence", torch.from_numpy(inputs.silence), persistent=False)
@@ -163,6 +164,26 @@ class Gesticulator(GestureMethod):
             head_layer,
             initialisation,
         )
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Add which vectors of words it learns from."""
+        checkpoint[_TEXT_VERSION] = self.text_version
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Refuse weights that were trained with other vectors of words than are there now.
+
+        Raises:
+            InputFileError: They were.
+        """
+        known = checkpoint.get(_TEXT_VERSION)
+        if known not in (None, self.text_version):
+            chosen = "word_vectors" if self.hparams["text"] == "static" else "language_model"
+            raise InputFileError(
+                self.hparams[chosen] or "the packaged language model",
+                "isn't the same any more: text has other vectors now than in training"
+                f" ({self.text_version}, not {known!s:.60})",
+                hint=OF_A_RUN.format(chosen),
+            )
 
     def on_train_start(self) -> None:
         """Take the mean pose of the training motion, which motion begins from."""

@@ -110,8 +110,8 @@ def read_published(path: str | Path, output_times_pi: bool = False) -> Published
             multiplied by pi. Nothing in a checkpoint tells.
 
     Raises:
-        InputFileError: Missing, too large, not a checkpoint, or its tensors aren't those of the
-            published default configuration.
+        InputFileError: Missing, too large, not a checkpoint, or its tensors aren't finite ones of
+            the published default configuration.
     """
     content = read_weights(
         path, _PUBLISHED, kind="checkpoint", stand_in=_StandIn, dictionaries=_DICTIONARIES
@@ -186,7 +186,7 @@ def _network(state: Mapping[str, Tensor]) -> GesticulatorNetwork:
         return filled(lambda: GesticulatorNetwork(speech_size, pose_size), state).eval()
     except ValueError as error:
         raise ContentError(
-            f"has other sizes than the published default: {error!s:.200}", hint=_PUBLISHED
+            f"has other weights than the published default: {error!s:.200}", hint=_PUBLISHED
         ) from None
 
 
@@ -206,11 +206,14 @@ def _numbers(value: Any, count: int) -> Tensor:
     """
     if isinstance(value, _StandIn):
         value = _array(value)
-    if isinstance(value, list) and all(isinstance(one, float | int) for one in value):
+    if isinstance(value, list) and all(type(one) in (float, int) for one in value):
         value = torch.tensor(value, dtype=torch.float64)
-    if not isinstance(value, Tensor) or value.shape != (count,) or not value.isfinite().all():
-        raise ContentError(f"its mean_pose is no vector of {count} numbers", hint=_PUBLISHED)
-    return value.float()
+    if isinstance(value, Tensor) and value.shape == (count,) and value.is_floating_point():
+        # A double may be finite where a single is not.
+        vector = value.float()
+        if vector.isfinite().all():
+            return vector
+    raise ContentError(f"its mean_pose is no vector of {count} finite numbers", hint=_PUBLISHED)
 
 
 def _array(pickled: _StandIn) -> Tensor | None:

@@ -25,6 +25,8 @@ PACKAGED_DIMENSIONS = 384
 MOST_PIECES = 256
 """Of a model's input, special tokens among them: the context of a word in a long transcript."""
 
+_HUB_TIMEOUT_S = 10.0
+
 
 class ContextualVectors:
     """The last layer of a `transformers` encoder, the mean over the pieces of each word.
@@ -40,7 +42,8 @@ class ContextualVectors:
     it understands is up to the model: the packaged one knows English.
 
     Args:
-        model: A folder, or a name in the Hugging Face cache or hub; the packaged MiniLM when None.
+        model: A folder, or a name in the Hugging Face cache, or else the hub; the packaged MiniLM
+            when None.
             Weights are read from safetensors alone and no code that comes with a model is run.
         device: Where it runs.
         special_tokens: Put its start and end token around what it reads.
@@ -142,21 +145,15 @@ def _packaged() -> Path:
 
 
 def _load(name: str) -> tuple[Any, Any]:
-    from transformers import AutoModel, AutoTokenizer
-
-    settings = {"trust_remote_code": False, "local_files_only": Path(name).is_dir()}
     hint = "give the folder or the name of an encoder such as BERT, with model.safetensors"
     try:
-        tokenizer = AutoTokenizer.from_pretrained(name, add_prefix_space=True, **settings)
-        # A method that holds one may be built without memory before its weights are read.
-        with torch.device("cpu"):
-            network, loading = AutoModel.from_pretrained(
-                name,
-                use_safetensors=True,
-                output_loading_info=True,
-                dtype=torch.float32,
-                **settings,
-            )
+        try:
+            tokenizer, network, loading = _parts(name, local_files_only=True)
+        except Exception:
+            if Path(name).is_dir():
+                raise
+            _require_on_hub(name)
+            tokenizer, network, loading = _parts(name, local_files_only=False)
     except Exception as error:  # whatever a foreign folder brings about inside the library
         problem = f"no model that can be read: {str(error).strip().splitlines()[0]:.200}"
         raise InputFileError(Path(name), problem, hint=hint) from error
@@ -168,6 +165,35 @@ def _load(name: str) -> tuple[Any, Any]:
     if network.config.is_encoder_decoder or not tokenizer.is_fast:
         raise InputFileError(Path(name), "is no encoder with a fast tokenizer", hint=hint)
     return tokenizer, network.eval().requires_grad_(False)
+
+
+def _parts(name: str, local_files_only: bool) -> tuple[Any, Any, dict[str, Any]]:
+    """Tokenizer, network, and how its loading went."""
+    from transformers import AutoModel, AutoTokenizer
+
+    settings = {"trust_remote_code": False, "local_files_only": local_files_only}
+    tokenizer = AutoTokenizer.from_pretrained(name, add_prefix_space=True, **settings)
+    # A method that holds one may be built without memory before its weights are read.
+    with torch.device("cpu"):
+        network, loading = AutoModel.from_pretrained(
+            name,
+            use_safetensors=True,
+            output_loading_info=True,
+            dtype=torch.float32,
+            **settings,
+        )
+    return tokenizer, network, loading
+
+
+def _require_on_hub(name: str) -> None:
+    """Ask once: without a network, the library's own readers try for most of a minute."""
+    from huggingface_hub import model_info
+
+    try:
+        model_info(name, timeout=_HUB_TIMEOUT_S)
+    except Exception as error:
+        told = str(error).strip().splitlines() or [type(error).__name__]
+        raise CospeechError(f"neither the cache nor the hub gives it ({told[0]})") from error
 
 
 def _digest(network: Any, tokenizer: Any) -> str:
