@@ -15,7 +15,7 @@ from cospeech.experiment import RunContext
 from cospeech.experiment.enduring import costs_itself
 from cospeech.methods.base import GestureMethod
 from cospeech.motion.phases import PHASES
-from cospeech.motion.upper_body import EVALUATION_FPS
+from cospeech.motion.upper_body import EVALUATION_FPS, to_upper_body
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.reporting.video import write_mp4
 
@@ -108,7 +108,10 @@ class RenderSamples(Callback):
         )
         return PlayerClip(
             name=stored.id,
-            tracks={"recorded": store.upper_body_motion(span), "generated": generated},
+            tracks={
+                "recorded": store.upper_body_motion(span),
+                "generated": to_upper_body(generated),
+            },
             speech=speech,
             phases=self._phases(span),
             facts={"recording": stored.id, "speaker": stored.speaker},

@@ -6,9 +6,11 @@ import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from cospeech.corpus.features.field import FieldSource
 from cospeech.corpus.source import Source
 from cospeech.doctor import examined_source
 from cospeech.errors import ConfigError
@@ -88,13 +90,22 @@ class MocapCorpus(StoreDataModule):
     def find_takes(self) -> list[Take]:
         """The corpus's takes, with its own split."""
 
-    def find_sources(self) -> Sequence[Source]:
-        """A source per take."""
+    @property
+    def lacks(self) -> frozenset[FieldSource]:
+        """Words, where no take has a transcript."""
+        has_words = any(take.transcripts for take in self._takes)
+        return frozenset() if has_words else frozenset({"words"})
+
+    @cached_property
+    def _takes(self) -> list[Take]:
+        """The takes with their splits, those in none left out where the published one is used."""
         takes = self.find_takes()
         if self.split_list is not None:
             takes = with_split_list(takes, self.split_list)
-        if self.split == "published":
-            takes = leave_out_unsplit(takes)
+        return leave_out_unsplit(takes) if self.split == "published" else takes
+
+    def find_sources(self) -> Sequence[Source]:
+        """A source per take."""
         settings = ReadingSettings(
             frame_rate=self.frame_rate,
             unit_scale=self.unit_scale,
@@ -103,7 +114,7 @@ class MocapCorpus(StoreDataModule):
             phase_tier=self.phase_tier,
             phase_labels=self.phase_labels,
         )
-        return [examined_source(source) for source in take_sources(takes, settings)]
+        return [examined_source(source) for source in take_sources(self._takes, settings)]
 
     def settings(self) -> dict[str, Any]:
         """The corpus's own settings, of which tables are known by themselves."""

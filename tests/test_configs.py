@@ -128,6 +128,22 @@ def test_the_paper_study_sweeps_every_row_over_seeds():
     assert {f"trimodal__{row}" for row in rows} <= set(names("ablation"))
 
 
+def test_the_study_of_gesticulator_has_the_rows_of_its_table_3():
+    study = OmegaConf.load(CONF / "study" / "gesticulator_ablations.yaml")
+    assert study.hydra.sweeper.params.ablation == "glob([full,gesticulator__*])"
+    rows = {
+        "with_pca": {"pca": 12},
+        "no_velocity": {"velocity_weight": 0},
+        "no_autoregression": {"conditioning": "none"},
+        "no_film": {"conditioning": "concatenation"},
+        "no_text": {"text": "none"},
+        "no_audio": {"audio": "none"},
+    }
+    for row, settings in rows.items():
+        model = composed("model=gesticulator", f"ablation=gesticulator__{row}").model
+        assert {key: model[key] for key in settings} == settings
+
+
 def test_mse_only_leaves_nothing_but_the_squared_error():
     model = composed("model=multi_adversary", "ablation=multi_adversary__mse_only").model
     assert set(model.adversaries.values()) == {None}
@@ -148,7 +164,8 @@ def test_every_quick_variant_composes():
 
 
 def test_the_other_command_lines_compose():
-    for study in ("fgd_noise", "control_adherence", "matching_synchrony"):
+    studies = ("fgd_noise", "control_adherence", "matching_synchrony", "motion_statistics")
+    for study in (*studies, "caused_gestures"):
         target = composed(f"study={study}", config="evaluate").study_task._target_
         assert target == f"cospeech.studies.{study}"
     assert composed("run=x", "audio=y", config="generate").checkpoint == "best"

@@ -19,6 +19,7 @@ def test_a_value_is_one_of_the_choices():
         (0, None, "model.k=0: must be at least 1"),
         (9, 8, "model.k=9: must be from 1 to 8"),
         (float("nan"), None, "model.k=nan: must be at least 1"),
+        (float("inf"), None, "model.k=inf: must be finite"),
     ],
 )
 def test_a_number_is_in_its_range(value, most, told):

@@ -3,6 +3,7 @@
 import collections
 import io
 import json
+import math
 import pickle
 import shutil
 import zipfile
@@ -348,6 +349,15 @@ def test_a_network_is_made_only_for_weights_of_its_size():
     assert made == [torch.device("meta")]
     with pytest.raises(ValueError, match="no tensor bias"):
         filled(lambda: torch.nn.Linear(3, 2), {"weight": state["weight"]})
+    for value, dtype in [(math.nan, torch.float32), (math.inf, torch.half), (1e39, torch.float64)]:
+        bias = torch.tensor([0, value], dtype=dtype)
+        with pytest.raises(ValueError, match="bias holds values that are not finite"):
+            filled(lambda: torch.nn.Linear(3, 2), {**state, "bias": bias})
+    for dtype in (torch.complex64, torch.int8, torch.bool):
+        with pytest.raises(ValueError, match=f"bias holds {dtype}, not torch.float32"):
+            filled(lambda: torch.nn.Linear(3, 2), {**state, "bias": state["bias"].to(dtype)})
+    double = filled(lambda: torch.nn.Linear(3, 2), {**state, "bias": state["bias"].double()})
+    assert torch.equal(double.bias, state["bias"])
     with pytest.raises(ValueError, match="no place for 'more'"):
         filled(lambda: torch.nn.Linear(3, 2), {**state, "more": state["bias"]})
 

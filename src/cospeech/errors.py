@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection
 from pathlib import Path
@@ -89,11 +90,13 @@ def require_choice(setting: str, value: object, choices: Collection[object]) -> 
 
 
 def require_range(setting: str, value: float, least: float, most: float | None = None) -> None:
-    """Refuse a number below ``least`` or above ``most``.
+    """Refuse a number below ``least`` or above ``most``, and one that isn't finite.
 
     Raises:
         ConfigError: The message names the setting, its value and the range.
     """
-    if not least <= value <= (float("inf") if most is None else most):
+    if value == math.inf:
+        raise ConfigError(f"{setting}={value}: must be finite")
+    if not least <= value <= (math.inf if most is None else most):
         wanted = f"at least {least}" if most is None else f"from {least} to {most}"
         raise ConfigError(f"{setting}={value}: must be {wanted}")

@@ -93,6 +93,13 @@ def test_nan_motion_names_frame_and_joint(tmp_path):
         writer.add(recording)
 
 
+def test_a_word_that_ends_before_it_begins_is_read_with_no_duration(tmp_path):
+    words = (Word("one", 1.0, 1.5), Word("two", 2.0, 1.9), Word("three", 3.0, 3.5))
+    recordings = [make_recording(name, words=words) for name in "abc"]
+    speech = make_store(tmp_path, recordings).speech(Span(0, 0, 150))
+    assert [word.end - word.start for word in speech.words] == [0.5, 0.0, 0.5]
+
+
 def test_a_transcript_without_words_differs_from_none(tmp_path):
     silent = make_recording("silent", words=())
     untold = make_recording("untold")

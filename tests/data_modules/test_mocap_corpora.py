@@ -72,6 +72,18 @@ def test_trinity_released_and_challenge(tmp_path):
     assert store.manifest["skipped"] == []
 
 
+def test_a_corpus_without_transcripts_says_so_before_a_file_is_read(tmp_path):
+    """Padding words stand for none (the field words); vectors of words would all be silence."""
+    silent = data_module("zeggs", write_zeggs(tmp_path / "z", {"001_Neutral_0": True}), tmp_path)
+    with pytest.raises(ConfigError, match=r"needs transcripts .*, and zeggs has none") as caught:
+        silent.refuse_impossible("gesticulator", frozenset({"rotations", "spoken_words"}))
+    assert "model.text=none" in caught.value.hint
+    silent.refuse_impossible("gesticulator", frozenset({"rotations", "mel_gesticulator"}))
+    silent.refuse_impossible("trimodal", frozenset({"positions", "words"}))
+    spoken = data_module("beat", write_beat(tmp_path / "b", ("2_scott_0_1_1",)), tmp_path)
+    spoken.refuse_impossible("gesticulator", frozenset({"spoken_words"}))
+
+
 def test_genea(tmp_path):
     names = {"trn_2023_v0_000": (1, 2), "trn_2023_v0_001": (2, 1), "val_2023_v0_000": (1, 2)}
     root = write_genea_2023(tmp_path / "g", names | {"tst_2023_v0_000": (2, 1)}, seconds=6.0)

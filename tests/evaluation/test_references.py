@@ -16,7 +16,8 @@ from cospeech.metrics.noise_study import LEVELS, run_noise_study
 from cospeech.motion.codecs import DirectionVectorCodec
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
-from cospeech.motion.upper_body import UPPER_BODY
+from cospeech.motion.upper_body import UPPER_BODY, to_upper_body
+from tests.fabricated.mocap import TRINITY_BODY, swinging
 
 METRICS = standard_catalogue()
 BONES = [0.26, 0.18, 0.14, 0.22, 0.36, 0.33, 0.22, 0.36, 0.33]
@@ -46,8 +47,19 @@ def test_only_full_windows_count(frames, count):
 def test_other_skeletons_are_refused():
     arm = Skeleton("arm", ("shoulder", "elbow"), (-1, 0))
     motion = Motion(arm, 15.0, np.zeros((40, 2, 3), dtype=np.float32))
-    with pytest.raises(ValueError, match="not skeleton arm"):
+    with pytest.raises(CospeechError, match="no joint map fits the skeleton 'arm'"):
         to_evaluation_windows(motion)
+
+
+def test_a_whole_skeleton_is_judged_by_the_ten_joints_that_it_has():
+    motion = swinging(TRINITY_BODY, "a", 4.0, 20.0)
+    windows = to_evaluation_windows(motion)
+    torch.testing.assert_close(windows, to_evaluation_windows(to_upper_body(motion)))
+    assert windows.shape == (3, 34, 10, 3)
+    left_wrist = windows[0, 0, UPPER_BODY.index["left_wrist"]]
+    index = TRINITY_BODY.index
+    expected = motion.positions[0, index["LeftHand"]] - motion.positions[0, index["Spine1"]]
+    np.testing.assert_allclose(left_wrist, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("sizes", [(5, 5, 5), (1, 9, 10), (3, 1, 4, 1, 5, 9, 2, 6), (4, 4)])
@@ -196,6 +208,14 @@ def test_the_mean_pose_and_what_is_damped_towards_it_are_the_training_s():
     from_pose = (real.double() - pose)[:, 4:].abs().mean().item()
     assert rows["mean_pose"]["joint_mae"] == pytest.approx(from_pose, rel=1e-5)
     assert rows["attenuated"]["joint_mae"] == pytest.approx(0.2 * from_pose, rel=1e-5)
+    # The rows of recorded motion say how strongly that is moved, whatever speech it stands beside.
+    for name, order in (("acceleration", 2), ("jerk", 3)):
+        sides = {"real_train": train, "mismatched": real, "time_reversed": real}
+        for row, side in sides.items():
+            sizes = 15**order * torch.diff(side[:, :, 1:].double(), order, dim=1).norm(dim=-1)
+            assert rows[row][name] == pytest.approx(sizes.mean().item(), rel=1e-5)
+        assert rows["attenuated"][name] == pytest.approx(0.8 * rows["mismatched"][name], rel=1e-4)
+        assert rows["mean_pose"][name] == 0
 
 
 def test_batches_of_a_side_are_compared_with_the_real_windows_once():

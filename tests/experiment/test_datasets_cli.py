@@ -1,13 +1,24 @@
 """Every published layout, from the files as they lie on disk to a trained and judged model."""
 
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
 import pytest
+import soundfile
 
 from tests import command_line
+from tests.bvh_elsewhere import read_elsewhere
 from tests.fabricated.berkeley import write_2d, write_3d
 from tests.fabricated.mocap import (
+    TALK,
+    TRINITY_BODY,
     write_beat,
     write_genea_2022,
     write_genea_2023,
+    write_trinity_raw,
     write_trinity_release,
     write_zeggs,
 )
@@ -16,10 +27,8 @@ from tests.fabricated.uci import write_uci_video
 
 pytestmark = pytest.mark.slow
 
+TRIMODAL = ("model=trimodal", "model.hidden_size=16", "model.layers=1")
 SMALL = (
-    "model=trimodal",
-    "model.hidden_size=16",
-    "model.layers=1",
     "training.batch_size=8",
     "training.epochs=1",
     "metrics.encoder_epochs=1",
@@ -30,9 +39,10 @@ SMALL = (
 )
 
 
-def train(outputs, root, data, *overrides):
+def train(outputs, root, data, *overrides, model=TRIMODAL):
     """Train and judge; the run's record."""
-    done = command_line.run(outputs, *SMALL, f"data={data}", f"data.root={root}", *overrides)
+    settings = (*model, *SMALL, f"data={data}", f"data.root={root}", *overrides)
+    done = command_line.run(outputs, *settings)
     assert done.returncode == 0, done.stdout + done.stderr
     ((folder, record),) = command_line.records(outputs).items()
     assert record["status"] == "ok"
@@ -104,6 +114,53 @@ def test_a_published_layout_is_trained_on(data, write, tmp_path):
     train(tmp_path, tmp_path / "data", data)
 
 
+def trinity_raw(root):
+    for number in (2, 4, 10, 11):
+        write_trinity_raw(root, number, motion_lead=0.75, audio_lead=1.2345, seconds=9.0)
+    rows = "".join(f"{number},1.2345,0.75\n" for number in (2, 4, 10, 11))
+    (root / "AlignmentTimes.csv").write_text(f"Take,AudioStart,MotionStart\n{rows}")
+
+
+@pytest.mark.parametrize("layout", ["released", "raw"])
+def test_gesticulator_is_trained_on_trinity_and_writes_its_skeleton(layout, tmp_path):
+    """As its paper: takes 1-2 validate, 3-5 test; words only where there are transcripts."""
+    root, text = tmp_path / "data", ["model.text=none"]
+    if layout == "released":
+        trinity(root)
+        rng = np.random.default_rng(0)
+        lines = [f"{word} {' '.join(map(str, rng.standard_normal(4).round(3)))}" for word in TALK]
+        vectors = tmp_path / "words.vec"
+        vectors.write_text("\n".join([f"{len(lines)} 4", *lines]) + "\n")
+        text = ["model.text=static", f"model.word_vectors={vectors}"]
+    else:
+        trinity_raw(root)
+    model = ("model=gesticulator", "experiment=gesticulator_quick", *text)
+    record = train(tmp_path, root, "trinity", "+trainer.limit_train_batches=2", model=model)
+    (folder,) = command_line.records(tmp_path)
+    overlap = "NaturalTalking_021: the released split trains on a test recording"
+    assert (overlap in (folder / "train.log").read_text()) is (layout == "released")
+    (manifest,) = tmp_path.glob("stores/*/manifest.json")
+    recordings = json.loads(manifest.read_text())["recordings"]
+    splits = dict(zip(recordings["id"], recordings["split"], strict=True))
+    assert {name[-3:]: split for name, split in splits.items()} == (
+        {"001": "val", "002": "val", "004": "test", "005": "test"}
+        | {"021": "train", "023": "train", "030": "train"}
+        if layout == "released"
+        else {"002": "val", "004": "test", "010": "train", "011": "train"}
+    )
+    assert record["epochs"][-1]["train/pose"] > 0
+    sound = next(root.rglob("*.wav"))
+    made = command_line.run(
+        tmp_path, f"run={folder}", f"audio={sound}", "checkpoint=last", script="generate.py"
+    )
+    assert made.returncode == 0, made.stderr
+    theirs = read_elsewhere(Path(re.search(r"for a rig: (\S+)", made.stdout)[1]))
+    assert sorted(theirs.names) == sorted(TRINITY_BODY.joints)
+    assert theirs.frame_s == pytest.approx(1 / 20)
+    seconds = soundfile.info(sound).duration
+    assert len(theirs.positions_world) == math.ceil(seconds * 20 - 1e-6)
+
+
 def test_the_genuine_ted_databases_are_trained_on(shared, tmp_path):
     record = train(tmp_path, shared / "data" / "ted_legacy_fixture", "ted")
     assert len(record["config"]["data"]["root"]) > 0
@@ -124,7 +181,8 @@ def test_every_folder_of_real_motion_is_trained_on(folder, shared, tmp_path):
 )
 def test_the_impossible_is_refused_before_anything_is_prepared(data, write, why, tmp_path):
     write(tmp_path / "data")
-    done = command_line.run(tmp_path, *SMALL, f"data={data}", f"data.root={tmp_path / 'data'}")
+    settings = (*TRIMODAL, *SMALL, f"data={data}", f"data.root={tmp_path / 'data'}")
+    done = command_line.run(tmp_path, *settings)
     assert done.returncode == 1
     assert "trimodal needs 3-D positions of the upper body" in done.stderr
     assert why in done.stderr

@@ -77,6 +77,25 @@ def test_table_three_of_a_run(run):
     assert json.loads(path.read_text())["run"] == folder.name
 
 
+def test_caused_gestures_of_several_runs(run, search_run):
+    outputs, folder, _ = run
+    _, searched = search_run
+    done = command_line.run(
+        outputs, "study=caused_gestures", f"runs=[{folder},{searched}]", script="evaluate.py"
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (path,) = outputs.glob("evaluations/*/caused_gestures.json")
+    found = json.loads(path.read_text())
+    rows = {row["name"]: row for row in found["systems"]}
+    assert list(rows)[-2:] == ["knn_cgan", "knn"]
+    assert rows["knn"]["seeds"] == [0]
+    assert rows["knn"]["counts"]["beats"] > 5
+    assert rows["recorded motion"]["numbers"]["beats_met"]["value"] > 0.8
+    assert 0.5 < rows["knn"]["numbers"]["speed"]["value"] < 2
+    assert folder.name in found["facts"]["runs"]
+    assert "minus knn_cgan" in done.stdout
+
+
 def test_controlled_generation_from_files(search_run, tmp_path):
     outputs, folder = search_run
     rng = np.random.default_rng(0)

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech.methods.gesticulator.joints import joints_of
 from cospeech.motion.bvh import read_bvh, read_bvh_skeleton
+from cospeech.motion.codecs import ExponentialMapCodec
 from cospeech.motion.joint_map import find_joint_map
 from cospeech.motion.upper_body import to_upper_body
 from tests import command_line
 
 pytestmark = pytest.mark.slow
 
-SMALL = (
+TRIMODAL = (
     "model=trimodal",
     "model.hidden_size=64",
     "model.layers=2",
@@ -23,7 +25,9 @@ SMALL = (
     "model.adversarial_start_epoch=1000",
     "model.diversity_weight=0",
     "training.batch_size=16",
-    "data=mocap",
+    "training.epochs=60",
+)
+SHORT = (
     "metrics.encoder_epochs=2",
     "callbacks.render_samples.every_n_epochs=0",
     "callbacks.render_samples.video=false",
@@ -40,7 +44,7 @@ def test_a_minute_of_a_person_is_learnt_by_heart(corpus, shared, tmp_path):
         if path.suffix in (".bvh", ".wav", ".TextGrid"):
             shutil.copy(path, root)
     done = command_line.run(
-        tmp_path, *SMALL, f"data.root={root}", "training.epochs=60", timeout=580
+        tmp_path, *TRIMODAL, *SHORT, "data=mocap", f"data.root={root}", timeout=580
     )
     assert done.returncode == 0, done.stdout + done.stderr
     ((folder, record),) = command_line.records(tmp_path).items()
@@ -50,6 +54,44 @@ def test_a_minute_of_a_person_is_learnt_by_heart(corpus, shared, tmp_path):
     assert (folder / "samples" / "player.html").stat().st_size > 50_000
     weights = torch.load(folder / "checkpoints" / "last.ckpt", weights_only=True)["state_dict"]
     assert all(value.isfinite().all() for value in weights.values())
+
+
+@pytest.mark.parametrize(("corpus", "text"), [("zeggs", "none"), ("beat", "contextual")])
+def test_gesticulator_learns_a_minute_by_heart(corpus, text, shared, tmp_path):
+    """Beyond what the best motionless pose costs: the variance of what is made."""
+    root = shared / "data" / "real" / corpus
+    if text == "contextual":
+        pytest.importorskip("transformers", reason="the text extra is not installed")
+    done = command_line.run(
+        tmp_path,
+        "model=gesticulator",
+        "experiment=gesticulator_quick",
+        f"model.text={text}",
+        "model.schedule=forced",
+        "model.initialisation=he",
+        "model.dropout=0",
+        "model.conditioning_dropout=0",
+        *SHORT,
+        f"data={corpus}",
+        f"data.root={root}",
+        "data.split=time_blocks",
+        "training.batch_size=8",
+        "training.epochs=16",
+        "trainer.check_val_every_n_epoch=8",
+        timeout=580,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (record,) = command_line.records(tmp_path).values()
+    assert record["status"] == "ok"
+    first, last = record["epochs"][0]["train/pose"], record["epochs"][-1]["train/pose"]
+    (bvh,) = root.glob("*.bvh")
+    motion = read_bvh(bvh)
+    codec = ExponentialMapCodec(motion.skeleton, joints_of(motion.skeleton))
+    poses = codec.encode(torch.from_numpy(motion.rotations_local))
+    variance = float(poses.var(dim=0).mean())
+    assert last < 0.1 * first
+    assert last < 0.7 * variance
+    assert np.isfinite(record["final"]["recordings"]["fgd"])
 
 
 def test_every_real_bvh_is_read(shared):

@@ -24,6 +24,7 @@ pytestmark = [
     pytest.mark.xdist_group("runs"),  # made once, not by every process
 ]
 
+MOVEMENT = ("acceleration", "jerk")
 PAIRED = ("feature_distance", "joint_mae", "acceleration_error")
 SETS = ("fgd", "fgd_mean_term", "fgd_covariance_term")
 
@@ -228,7 +229,8 @@ def test_the_record_says_what_was_run_on_what_and_by_what_it_was_judged(finished
     (kept,) = ready.store.path.glob("encoders/autoencoder-e1-s0.pt")
     assert record["encoder"] == {"sha256": load_encoder(kept).sha256, "name": "trained"}
     better = {metric["key"]: metric["better"] for metric in record["metrics"]}
-    assert better == dict.fromkeys(("fgd", "fgd_extrapolated", "kernel_distance", *PAIRED), "lower")
+    lower = ("fgd", "fgd_extrapolated", "kernel_distance", *PAIRED)
+    assert better == dict.fromkeys(lower, "lower") | dict.fromkeys(MOVEMENT)
     assert record["hardware"]["device"] == "1 x cpu"
     assert record["timings"].keys() == {
         "prepare_corpus", "encoder", "fit", "test", "test_recordings"
@@ -248,7 +250,7 @@ def test_the_table_shows_the_record(finished):
     record = finished.record
     lines = finished.printed.splitlines()
     (heading,) = [number for number, line in enumerate(lines) if "FGD ↓" in line]
-    columns = ("fgd", "fgd_extrapolated", "kernel_distance", *PAIRED)
+    columns = ("fgd", "fgd_extrapolated", "kernel_distance", *PAIRED, *MOVEMENT)
     named = [
         (f"{record['model']} ({protocol})", record["final"][protocol])
         for protocol in ("windows", "recordings")

@@ -203,6 +203,11 @@ def test_every_value_of_a_sweep_is_checked():
     )
 
 
+@pytest.mark.parametrize("typed", ["run=a", "runs=a", "runs=[a,b]"])
+def test_runs_of_a_study_are_a_folder_or_several(typed):
+    check_typed(EVALUATE, ["study=caused_gestures", typed], False)
+
+
 @pytest.mark.slow
 def test_a_study_brings_its_sweep():
     check_typed(TRAIN, ["study=knn_options"], False)

@@ -139,12 +139,15 @@ def test_a_split_list_goes_before_the_rule_and_is_warned_of_by_itself(tmp_path, 
     assert not caplog.records
 
 
-def test_files_renamed_by_gesticulators_scripts_are_the_same(tmp_path):
+@pytest.mark.parametrize("filled", [True, False])
+def test_files_renamed_by_gesticulators_scripts_are_the_same(tmp_path, filled):
+    """It calls second parts ``27_2``: the zeros in front fill up to three characters in all."""
     write_trinity_release(tmp_path / "a")
     for path in [*(tmp_path / "a").rglob("*.*")]:
         number = int(path.stem[-3:])
         table = TRAINING if path.stem.startswith("Recording") else TEST
-        target = tmp_path / "b" / path.parent.name / f"NaturalTalking_{table[number]}{path.suffix}"
+        name = table[number] if filled else table[number].lstrip("0").zfill(3)
+        target = tmp_path / "b" / path.parent.name / f"NaturalTalking_{name}{path.suffix}"
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(path, target)
     original = find_trinity_takes(tmp_path / "a")

@@ -54,6 +54,13 @@ def _published_trimodal(path: Path) -> None:
     import_published(path)
 
 
+def _published_gesticulator(path: Path) -> None:
+    from cospeech.methods.gesticulator.published import read_published
+
+    with seeds.small_gesticulator():
+        read_published(path)
+
+
 def _store(path: Path) -> None:
     from cospeech.corpus.manifest import write_checksums
     from cospeech.corpus.store import Store
@@ -236,6 +243,11 @@ READERS: dict[str, Reader] = {
     "published trimodal": Reader(
         _published_trimodal, seeds.published_trimodal, ("methods.trimodal.published",)
     ),
+    "published gesticulator": Reader(
+        _published_gesticulator,
+        seeds.published_gesticulator,
+        ("methods.gesticulator.published",),
+    ),
     "store": Reader(_store, seeds.stores, ("corpus.manifest", "corpus.store")),
     "journal of a build": Reader(_journal, seeds.journals, ("corpus.build_folder",)),
     "matching database": Reader(
@@ -290,6 +302,7 @@ NO_READERS = {
     "foreign": "the door itself",
     "corpus.split_facts": "a store's stream, while it is built",
     "corpus.window_loader": "windows of an open store",
+    "corpus.features.streaming": "rows of sound that is in memory",
     "encoders": "opens kept encoders as a reader above does, and what it has just written",
     "experiment.building": "opens checkpoints as a reader above does",
     "experiment.finished_run": "opens records and checkpoints as readers above do",
@@ -302,6 +315,7 @@ NO_READERS = {
     "formats.mocap.reading": "opens what the readers above open",
     "formats.mocap.side_files": "opens what the readers above open",
     "metrics.encoder.packaged": "the package's own file, opened as a reader above does",
+    "studies.caused_gestures.strokes": "annotations of an open store",
     "studies.multi_adversary_figures.paper": "the package's own words",
     "methods.motion_matching.refinement.pair_windows": "windows of an open store",
     "methods.trimodal.style": "no file",

@@ -113,6 +113,36 @@ def published_trimodal(folder: Path) -> list[Path]:
     return [folder / "new.bin", folder / "old.bin"]
 
 
+def small_gesticulator():
+    """Networks of small layers within it: files of the published size are large to try many of."""
+    from unittest.mock import patch
+
+    from cospeech.methods.gesticulator import networks
+
+    sizes = {"FRAME_SIZES": (3, 2), "REDUCED_SIZE": 4, "HIDDEN_SIZE": 3}
+    return patch.multiple(networks, **sizes)
+
+
+def published_gesticulator(folder: Path) -> list[Path]:
+    import torch
+
+    from cospeech.methods.gesticulator.networks import GesticulatorNetwork
+    from cospeech.methods.gesticulator.published import PUBLISHED_LAYERS
+
+    torch.manual_seed(0)
+    with small_gesticulator():
+        ours = GesticulatorNetwork(4 + 773, 45).state_dict()
+    parts = ("weight", "bias")
+    names = {f"{name}.{p}": f"{own}.{p}" for name, own in PUBLISHED_LAYERS.items() for p in parts}
+    content = {
+        "state_dict": {name: ours[own] for name, own in names.items()},
+        "hyper_parameters": {"mean_pose": [0.1] * 45, "audio_dim": 4},
+    }
+    for name, zipped in (("new.ckpt", True), ("old.ckpt", False)):
+        torch.save(content, folder / name, _use_new_zipfile_serialization=zipped)
+    return [folder / "new.ckpt", folder / "old.ckpt"]
+
+
 def _corpus(folder: Path, *more):
     from tests.corpora import make_recording, make_store
 

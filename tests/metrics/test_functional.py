@@ -12,6 +12,8 @@ from cospeech.metrics.functional import (
     frechet_terms,
     joint_mae,
     kernel_distance,
+    position_error,
+    root_mean_square_error,
 )
 from cospeech.metrics.moments import feature_moments, recording_moments
 
@@ -152,6 +154,21 @@ def test_joint_mae_leaves_seed_frames_out_and_counts_the_root():
     assert joint_mae(generated, real).item() == pytest.approx(0.1 * 0.9 / 2)
     with pytest.raises(ValueError, match="must be pairs"):
         joint_mae(generated, real[:1])
+
+
+def test_distances_of_joints_from_where_they_were_recorded():
+    """One joint of ten is 5 m off in one frame of thirty, and 13 m in another."""
+    real = torch.zeros(2, 34, 10, 3)
+    generated = real.clone()
+    generated[:, :4] = 100.0
+    generated[1, 4, 7] = torch.tensor([3.0, 0.0, -4.0])
+    generated[1, 20, 7] = torch.tensor([-3.0, 12.0, 4.0])
+    assert position_error(generated, real).tolist() == pytest.approx([0, 18 / 300])
+    squares = (25 + 169) / 300
+    assert root_mean_square_error(generated, real).tolist() == pytest.approx([0, squares**0.5])
+    assert position_error(generated, real, 0)[0].item() == pytest.approx(100 * 3**0.5 * 4 / 34)
+    with pytest.raises(ValueError, match="must be pairs"):
+        position_error(generated, real[:1])
 
 
 def test_acceleration_error_of_a_parabola():

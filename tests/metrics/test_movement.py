@@ -120,6 +120,49 @@ def test_nearest_window():
     np.testing.assert_allclose(movement.WindowDistances(windows).nearest, [1, 1, 0.5, 0.5])
 
 
+def test_derivatives_of_a_polynomial_in_both_conventions():
+    """x = t³ / 6 metres: speed t² / 2, acceleration t, jerk 1, whatever the rate; y the half."""
+    times = np.arange(5) / FPS
+    positions = np.zeros((5, 2, 3))
+    positions[:, LEFT, 0] = times**3 / 6
+    positions[:, RIGHT, 1] = times**3 / 12
+    jerk = movement.derivative_sizes(positions, 3, FPS)
+    np.testing.assert_allclose(jerk, [[1, 0.5], [1, 0.5]])
+    # second differences of a cubic are its second derivative in the middle
+    acceleration = movement.derivative_sizes(positions, 2, FPS)
+    np.testing.assert_allclose(acceleration[:, LEFT], times[1:-1])
+    np.testing.assert_allclose(movement.derivative_sizes(100 * positions, 3, 1), 100 * jerk / 8000)
+    np.testing.assert_allclose(
+        movement.derivative_sizes(positions, 2, 1), acceleration / 400, atol=1e-15
+    )
+    stacked = movement.derivative_sizes(np.stack([positions, 2 * positions]), 2, FPS)
+    np.testing.assert_allclose(stacked, [acceleration, 2 * acceleration])
+
+
+def test_sizes_are_of_vectors():
+    positions = np.zeros((2, 1, 3))
+    positions[1, 0] = [0.03, -0.04, 0.12]
+    assert movement.derivative_sizes(positions, 1, FPS).item() == pytest.approx(0.13 * 20)
+
+
+@pytest.mark.parametrize(("frames", "order"), [(3, 3), (5, 0), (0, 1)])
+def test_there_is_no_difference_of_too_few_frames(frames, order):
+    with pytest.raises(ValueError, match=f"order {order} of {frames} frames"):
+        movement.derivative_sizes(np.zeros((frames, 1, 3)), order, FPS)
+
+
+def test_a_histogram_counts_what_is_beyond_its_last_bin():
+    sizes = np.array([[0.0, 9.0], [0.49, 1.5], [0.5, 1.49], [1.0, 0.2], [7.0, np.inf]])
+    counts = movement.histogram(sizes, 0.5, 3)
+    # 0-0.5, 0.5-1, 1-1.5, 1.5 and more
+    assert counts.tolist() == [[2, 1], [1, 0], [1, 1], [1, 3]]
+    assert counts.sum(axis=0).tolist() == [5, 5]
+    assert movement.histogram(sizes[:, 0], 0.5, 3).tolist() == [2, 1, 1, 1]
+    for odd in (-0.1, np.nan):
+        with pytest.raises(ValueError, match="0 or more"):
+            movement.histogram([1.0, odd], 0.5, 3)
+
+
 def test_jerk_of_a_cubic_is_six():
     windows = still()
     windows[0, :, LEFT, 1] = (np.arange(100) / FPS) ** 3

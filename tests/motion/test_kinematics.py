@@ -21,6 +21,7 @@ from cospeech.motion.kinematics import (
     world_rotations,
 )
 from cospeech.motion.skeleton import Skeleton
+from tests.bvh_elsewhere import read_elsewhere
 
 ORDERS = ["".join(order) for n in (1, 2, 3) for order in itertools.permutations("XYZ", n)]
 ARM = Skeleton(
@@ -158,24 +159,10 @@ def test_heading_of_an_upright_line_is_the_last_one_known():
     "file", ["zeggs/067_Speech_2_x_1_0.bvh", "trinity/NaturalTalking_030_2_1From5.bvh"]
 )
 def test_pymotion_finds_the_same_positions(shared, tmp_path, file):
-    pymotion = pytest.importorskip("pymotion.io.bvh")
-    fk_quat = pytest.importorskip("pymotion.ops.skeleton_np").fk_quat
-    from_euler = pytest.importorskip("pymotion.rotations.quat_np").from_euler
     path = shared / "data" / "real" / file
     ours = read_bvh(path)
-    # pymotion wants "End Site" in this spelling, and closes it only when it has seen that
-    text = path.read_text().replace("End site", "End Site")
-    (tmp_path / "a.bvh").write_text(text)
-    theirs = pymotion.BVH()
-    theirs.load(str(tmp_path / "a.bvh"))
-    data = theirs.data
-    # its quaternions are scalar-first
-    rotations = from_euler(
-        np.radians(data["rotations"]),
-        order=np.broadcast_to(data["rot_order"], data["rotations"].shape),
-    )
-    positions, _ = fk_quat(
-        rotations, data["positions"][:, 0], data["offsets"].astype(float), data["parents"]
-    )
-    shown = [ours.skeleton.index[name] for name in data["names"]]
-    np.testing.assert_allclose(ours.positions[:, shown], positions / 100, atol=1e-5)
+    # pymotion closes an end site only when it has seen it in its own spelling
+    (tmp_path / "a.bvh").write_text(path.read_text().replace("End site", "End Site"))
+    theirs = read_elsewhere(tmp_path / "a.bvh")
+    shown = [ours.skeleton.index[name] for name in theirs.names]
+    np.testing.assert_allclose(ours.positions[:, shown], theirs.positions_world / 100, atol=1e-5)

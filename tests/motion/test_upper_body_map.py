@@ -10,7 +10,7 @@ import torch
 
 from cospeech.metrics.encoder import import_published
 from cospeech.motion.bvh import read_bvh
-from cospeech.motion.motion import resample_positions
+from cospeech.motion.motion import Motion, resample_positions
 from cospeech.motion.upper_body import (
     UPPER_BODY,
     doubts_about,
@@ -82,3 +82,10 @@ def test_proportions_and_posture_are_human(shared, corpus):
     assert 0.24 < upper_arm < 0.36
     assert 0.18 < forearm < 0.30
     np.testing.assert_allclose(bones[6:], bones[3:6], rtol=0.15)
+
+
+def test_the_ten_joints_of_the_ten_joints_are_the_same_to_the_bit():
+    """Even where rounding has left the spine beside the origin."""
+    positions = np.random.default_rng(0).normal(0, 0.3, (5, 10, 3)).astype(np.float32)
+    motion = Motion(UPPER_BODY, 15.0, positions)
+    np.testing.assert_array_equal(to_upper_body(motion).positions, positions)

@@ -130,3 +130,44 @@ def waveform_16_bit(rate: int, v: int = V) -> np.ndarray:
     x = (sweep + tone + noise) * (0.55 + 0.45 * np.sin(2 * np.pi * 2 * t + 0.5 * v))
     x[(t >= 1.4) & (t < 1.7)] = 0
     return np.rint(32_767 * x).astype(np.int16)
+
+
+def quadratic(n: np.ndarray, c: int) -> np.ndarray:
+    """Angles that don't repeat: ``(n n + 7 n + 101 c) mod 65521``."""
+    n = np.asarray(n, dtype=np.int64)
+    return (n * n + 7 * n + 101 * c) % 65_521
+
+
+def noise(shape: tuple[int, ...], c: int, a: float, v: int = V) -> np.ndarray:
+    """``a sin(quadratic(n, c) + 0.5 v)`` over the elements in C order, float64."""
+    n = np.arange(int(np.prod(shape)))
+    return (a * np.sin(quadratic(n, c) + 0.5 * v)).reshape(shape)
+
+
+def gesticulator_weights(network: str) -> dict[str, Tensor]:
+    """A published network's weights, by its names."""
+    weights = {}
+    for k, (name, shape) in enumerate(published_shapes("gesticulator", network).items()):
+        values = np.sin(quadratic(np.arange(int(np.prod(shape))), k).astype(float)).reshape(shape)
+        scale = 1.2 / np.sqrt(shape[1]) if len(shape) == 2 else 0.05
+        weights[name] = torch.from_numpy((scale * values).astype(np.float32))
+    return weights
+
+
+def gesticulator_inputs(pose_size: int, v: int = V) -> tuple[Tensor, Tensor, Tensor]:
+    """Speech ``(4, 70, 837)``, poses ``(4, 70, pose_size)`` and the mean pose."""
+    clip, frame = np.arange(4)[:, None, None], np.arange(70)[None, :, None]
+    audio = -8 + 3 * np.sin(0.23 * frame + 0.05 * np.arange(64) + clip + 0.5 * v)
+    audio = audio + noise((4, 70, 64), 1, 1, v)
+    u = np.arange(35)
+    text = np.zeros((4, 35, 773))
+    text[..., :768] = noise((4, 35, 768), 2, 0.5, v)
+    of_word = [1 + u % 3, 3 - u % 3, 3 + 0 * u, (1 + u % 3) / 3, (1 + (u // 3) % 3) / 3]
+    text[..., 768:] = np.stack(of_word, axis=-1)
+    text[:, u % 7 == 0] = [-15.0] * 768 + [0.0] * 5
+    channel = np.arange(pose_size)
+    poses = 0.3 * np.sin(0.11 * frame + 1.7 * channel + 0.9 * clip + 0.5 * v)
+    poses = poses + noise((4, 70, pose_size), 3, 0.02, v)
+    mean = 0.1 * np.sin(0.9 * channel + 0.5 * v)
+    speech = np.concatenate([audio, text.repeat(2, axis=1)], axis=-1)
+    return tuple(torch.from_numpy(values.astype(np.float32)) for values in (speech, poses, mean))

@@ -13,6 +13,7 @@ from cospeech.speech.band_power import htk_bands
 from cospeech.speech.feature_sets.gesticulator import gesticulator_log_mel
 from cospeech.speech.feature_sets.opensmile import opensmile_features, whole_frames
 from cospeech.speech.pitch import f0
+from cospeech.speech.resampling import resampled
 
 RATE = 16_000
 
@@ -77,7 +78,7 @@ def test_going_through_16_khz_costs_little_below_7500_hz(shared):
 def test_a_frame_by_its_definition(frame):
     # 30 frames begin inside the 1.5 s, and frame 30 lies on the end
     waveform = chirp()
-    signal = soxr.resample(waveform, RATE, 22_050).astype(np.float64)
+    signal = resampled(waveform).astype(np.float64)
     centre = int(frame * 1102.5 + 0.5)
     at = np.abs(np.arange(centre - 1024, centre + 1024))  # mirrored about the first sample
     at = np.where(at < len(signal), at, 2 * (len(signal) - 1) - at)  # and about the last

@@ -1,6 +1,8 @@
 """One vector per word: from a table, from the packaged model, and from a tiny one made here."""
 
 import json
+import sys
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import torch
 
 from cospeech.errors import CospeechError, InputFileError
 from cospeech.speech.speech import Word
-from cospeech.speech.text import contextual
+from cospeech.speech.text import contextual, vectors
 from cospeech.speech.text.contextual import ContextualVectors, _windows
 from cospeech.speech.text.vectors import StaticVectors
 
@@ -29,6 +31,85 @@ def test_static_vectors_are_those_of_the_file(tmp_path):
     )
     np.testing.assert_array_equal(found, [[3, 4], [1, 2], [0, 0], [0, 0], [0, 1.25]])
     assert static.vectors([]).shape == (0, 2)
+
+
+def test_the_version_of_static_vectors_is_of_what_their_file_holds(tmp_path, monkeypatch):
+    path = tmp_path / "m.vec"
+    lines = ["999 1", *(f"w{i:03d} {i:03d}" for i in range(999)), ""]
+    path.write_text("\n".join(lines))
+    version = StaticVectors(path, ["w500"]).version
+    assert StaticVectors(path, ["w001", "no"]).version == version
+    moved = path.rename(tmp_path / "moved.vec")
+    assert StaticVectors(moved).version == version
+    moved.write_text("\n".join(lines).replace("w500 500", "w500 501"))
+    assert StaticVectors(moved).version != version
+    # Of a large file the ends and what lies evenly between.
+    monkeypatch.setattr(vectors, "_BLOCKS", 3)
+    monkeypatch.setattr(vectors, "_BLOCK_BYTES", 100)
+    versions = set()
+    for changed in (None, "w000 000", "w500 500", "w998 998"):
+        path.write_text("\n".join(lines).replace(changed or "-", "w000 001"))
+        versions.add(StaticVectors(path).version)
+    path.write_text("\n".join([*lines[:300], "", *lines[300:]]))  # of another size
+    versions.add(vectors._digest(path))
+    assert len(versions) == 5
+
+
+@pytest.fixture
+def hub(monkeypatch):
+    """A library without a network, and what it was asked for."""
+    asked = []
+
+    def from_pretrained(name, local_files_only, **_):
+        asked.append("cache" if local_files_only else "download")
+        raise OSError("not found")
+
+    def model_info(name, timeout):
+        asked.append("hub")
+        raise ConnectionError("Name or service not known\nmore of it")
+
+    reader = SimpleNamespace(from_pretrained=from_pretrained)
+    for name, parts in {
+        "transformers": {"AutoTokenizer": reader, "AutoModel": reader},
+        "huggingface_hub": {"model_info": model_info},
+    }.items():
+        module = ModuleType(name)
+        vars(module).update(parts)
+        monkeypatch.setitem(sys.modules, name, module)
+    return asked
+
+
+def test_a_model_that_is_not_in_the_cache_is_asked_for_once(hub, tmp_path):
+    with pytest.raises(InputFileError) as caught:
+        contextual._load("some/model")
+    assert hub == ["cache", "hub"]
+    told = "neither the cache nor the hub gives it (Name or service not known)"
+    assert caught.value.problem == f"some/model: no model that can be read: {told}"
+    hub.clear()
+    with pytest.raises(InputFileError, match="no model that can be read: not found"):
+        contextual._load(str(tmp_path))
+    assert hub == ["cache"]
+
+
+def test_a_model_of_the_hub_is_downloaded(hub, monkeypatch):
+    monkeypatch.setattr(contextual, "_require_on_hub", lambda name: None)
+    with pytest.raises(InputFileError):
+        contextual._load("some/model")
+    assert hub == ["cache", "download"]
+
+
+def test_versions_of_a_model_tell_special_tokens_apart(monkeypatch):
+    tokenizer = SimpleNamespace(
+        model_max_length=32,
+        num_special_tokens_to_add=lambda: 2,
+        backend_tokenizer=SimpleNamespace(to_str=str),
+    )
+    network = torch.nn.Linear(2, 2)
+    network.config = SimpleNamespace(hidden_size=2, max_position_embeddings=32)
+    monkeypatch.setattr(contextual, "find_spec", lambda name: True)
+    monkeypatch.setattr(contextual, "_load", lambda name: (tokenizer, network))
+    told, bare = (ContextualVectors("a", special_tokens=given).version for given in (True, False))
+    assert bare == f"{told}-bare"
 
 
 @pytest.mark.parametrize("most", [4, 7, 40, 1000])

@@ -21,9 +21,10 @@ from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
 from cospeech.motion.velocities import body_positions
-from cospeech.studies.multi_adversary_figures import TrainedSystem, multi_adversary_figures
+from cospeech.studies.multi_adversary_figures import multi_adversary_figures
 from cospeech.studies.multi_adversary_figures.generating import in_paper_order, label_joints
 from cospeech.studies.multi_adversary_figures.held_out import held_out_part, training_mean_pose
+from cospeech.studies.trained_system import TrainedSystem
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, TypedDict
 
+from cospeech.corpus.synthetic.body import SKELETON
 from cospeech.motion.upper_body import UPPER_BODY
 
 
@@ -40,7 +41,7 @@ def placeholder_facts() -> CorpusFacts:
         "speakers": ["speaker"],
         "mean_direction": [0.0, 1.0, 0.0] * bones,
         "bone_lengths": [0.25] * bones,
-        "skeleton": {**UPPER_BODY.to_dict(), "offsets": [[0.0, 0.25, 0.0]] * len(UPPER_BODY)},
+        "skeleton": SKELETON.to_dict(),
         "fingerprint": "",
         "store": "",
     }

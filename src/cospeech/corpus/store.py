@@ -211,8 +211,10 @@ class Store:
         inside = rows[(rows[:, 0] < offset + duration) & (rows[:, 1] > offset)]
         vocabulary = self.vocabulary
         with understood(self.path / VOCABULARY, "the vocabulary of this store", rebuild(self.path)):
+            # Transcripts may hold a word that ends before it begins; no method takes such.
             found = tuple(
-                Word(vocabulary[int(i)], start - offset, end - offset) for start, end, i in inside
+                Word(vocabulary[int(i)], start - offset, max(start, end) - offset)
+                for start, end, i in inside
             )
         return Speech(waveform, found)
 

@@ -19,7 +19,6 @@ from cospeech.corpus.features.field import (
     SpeechField,
     WindowField,
 )
-from cospeech.corpus.features.word_vectors import word_vectors
 from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.corpus.tracks import Tracks
@@ -27,7 +26,6 @@ from cospeech.corpus.validation_pieces import Pieces, spans_by_pieces
 from cospeech.errors import CospeechError
 from cospeech.motion.upper_body import EVALUATION_FPS
 from cospeech.speech.speech import SAMPLE_RATE
-from cospeech.speech.text.vectors import WordVectors
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,10 @@ class WindowSpec:
         ahead: Frames of speech after a window that come with it; after a sequence its last.
         interleaved: Train on every sequence that the motion's own rate holds, and judge on the
             first, in windows side by side.
-        word_vectors: What the field ``word_vectors`` comes from; None: the packaged MiniLM.
+        judged_frames: Frames per window of validation and test, which lie side by side; None:
+            as in training.
+        own_fields: Fields of speech in the place of the catalogue's of the same name, such as the
+            word vectors of another language model.
         unlabelled: Where phases are needed, keep recordings without; training needs one with.
         pieces: Validate on random pieces of the training and validation recordings, and train on
             what is left; None: by the split.
@@ -58,7 +59,8 @@ class WindowSpec:
     past: int = 0
     ahead: int = 0
     interleaved: bool = False
-    word_vectors: WordVectors | None = None
+    judged_frames: int | None = None
+    own_fields: tuple[SpeechField, ...] = ()
     unlabelled: bool = False
     pieces: Pieces | None = None
 
@@ -68,10 +70,13 @@ class WindowSpec:
         return round(self.frames / self.fps * SAMPLE_RATE)
 
     def of_split(self, split: str) -> WindowSpec:
-        """The windows of one split: what is interleaved is so for training alone."""
-        if not self.interleaved or split == "train":
+        """The windows of one split: interleaved and of the length of `frames` in training alone."""
+        if split == "train" or not (self.interleaved or self.judged_frames):
             return self
-        return replace(self, run=1, stride=self.frames, interleaved=False)
+        frames = self.judged_frames or self.frames
+        return replace(
+            self, frames=frames, run=1, stride=frames, interleaved=False, judged_frames=None
+        )
 
 
 class ServesWindows(Protocol):
@@ -135,12 +140,8 @@ class WindowDataset:
         places: NDArray[np.int64] | None = None,
     ) -> None:
         self.store, self.split, self.spec, self.needs = store, split, spec, needs
-        fields = fields_of(needs)
-        if spec.word_vectors is not None:
-            fields = [
-                word_vectors(spec.word_vectors) if field.name == "word_vectors" else field
-                for field in fields
-            ]
+        own = {field.name: field for field in spec.own_fields}
+        fields = [own.get(field.name, field) for field in fields_of(needs)]
         refuse_lacking("the method", needs, store.name, _lacks(store))
         of_frames = [field for field in fields if isinstance(field, FrameField)]
         if tracks is None:
@@ -257,6 +258,8 @@ def _lacks(store: Store) -> set[FieldSource]:
         lacks.add("upper body")
     if store.dimensions != 3:
         lacks.add("motion")
+    if not any(store.recordings.columns["has_words"]):
+        lacks.add("words")
     return lacks | {"search"}
 
 

@@ -2,8 +2,8 @@
 
 from cospeech.evaluation.catalogue import Catalogue, standard_catalogue
 from cospeech.evaluation.epochs import EpochEvaluation, EvaluationFields
-from cospeech.evaluation.real_windows import real_windows
-from cospeech.evaluation.recordings import evaluate_recordings
+from cospeech.evaluation.real_windows import long_enough, real_windows
+from cospeech.evaluation.recordings import evaluate_recordings, generated_motions
 from cospeech.evaluation.references import References, read_rows, reference_rows
 
 __all__ = [
@@ -12,6 +12,8 @@ __all__ = [
     "EvaluationFields",
     "References",
     "evaluate_recordings",
+    "generated_motions",
+    "long_enough",
     "read_rows",
     "real_windows",
     "reference_rows",

@@ -23,6 +23,7 @@ from cospeech.metrics.feature_distance import FeatureDistance
 from cospeech.metrics.fgd import FrechetGestureDistance
 from cospeech.metrics.joint_mae import JointMAE
 from cospeech.metrics.kernel_distance import KernelDistance
+from cospeech.metrics.motion_statistics import Acceleration, Jerk
 from cospeech.metrics.window_metric import VALUE, Comparison, WindowMetric
 
 logger = logging.getLogger(__name__)
@@ -219,6 +220,8 @@ def standard_catalogue() -> Catalogue:
             "feature_distance": FeatureDistance(),
             "joint_mae": JointMAE(),
             "acceleration_error": AccelerationError(),
+            "acceleration": Acceleration(),
+            "jerk": Jerk(),
         }
     )
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import torch
 
+from cospeech.corpus.splits import Span
 from cospeech.corpus.store import Store
 from cospeech.errors import CospeechError
 from cospeech.evaluation.catalogue import Catalogue
@@ -11,6 +14,8 @@ from cospeech.evaluation.real_windows import judged_windows, long_enough, too_li
 from cospeech.methods.base import GestureMethod
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.evaluation_windows import to_evaluation_windows
+from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import to_upper_body
 from cospeech.progress import progress_bar
 
 
@@ -49,17 +54,8 @@ def evaluate_recordings(
     spans = with_fields(store, split, spans, catalogue.needs)[:limit]
     real, ids = judged_windows(store, split, spans, encoder, catalogue.needs)
     generated = []
-    training = method.training
-    method.eval()
-    for number, span in enumerate(
-        progress_bar(spans, len(spans), f"generating {split} recordings")
-    ):
-        speaker = store.recordings[span.recording].speaker
-        motion = method.generate(
-            store.speech(span),
-            speaker=speaker if speaker in store.speaker_ids else None,
-            generator=torch.Generator().manual_seed(number),
-        )
+    motions = generated_motions(method, store, spans, f"generating {split} recordings")
+    for span, motion in zip(spans, motions, strict=True):
         windows = to_evaluation_windows(motion)
         expected = len(to_evaluation_windows(store.upper_body_motion(span)))
         if len(windows) != expected:
@@ -68,7 +64,32 @@ def evaluate_recordings(
                 f" {store.recordings[span.recording].id}: {len(windows)} windows, not {expected}"
             )
         generated.append(windows)
-    method.train(training)
     positions = torch.cat(generated)
     made = real.moving(positions, encoder.encode_all(positions))
     return catalogue.row(made, real, recording_ids=ids)
+
+
+def generated_motions(
+    method: GestureMethod, store: Store, spans: Sequence[Span], title: str
+) -> Iterator[Motion]:
+    """The ten joints of what a method makes of the speech of stretches, one after another.
+
+    Stretch i is generated from seed i, without seed motion, for its speaker where known.
+
+    Args:
+        method: A trained method; as it was, in training mode or not, once all are made.
+        store: The corpus.
+        spans: Stretches with sound.
+        title: Of the progress bar.
+    """
+    training = method.training
+    method.eval()
+    for number, span in enumerate(progress_bar(spans, len(spans), title)):
+        speaker = store.recordings[span.recording].speaker
+        motion = method.generate(
+            store.speech(span),
+            speaker=speaker if speaker in store.speaker_ids else None,
+            generator=torch.Generator().manual_seed(number),
+        )
+        yield to_upper_body(motion)
+    method.train(training)

@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
+from cospeech.corpus.store import Store
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.building import build, require_same
 from cospeech.experiment.finished_run import CHECKPOINTS, FinishedRun, open_run
 from cospeech.experiment.own_or_given import corpus_of, encoder_of
 from cospeech.judges.phase_classifier.frozen import FrozenPhaseClassifier
+from cospeech.methods.base import GestureMethod
 from cospeech.methods.capabilities import HasSchedule, HoldsPhaseClassifier, MakesJoints
 from cospeech.reporting.collect import collect
-from cospeech.studies.multi_adversary_figures import TrainedSystem
+from cospeech.studies.trained_system import TrainedSystem
 
 logger = logging.getLogger(__name__)
 
 
 def compare_runs(cfg: DictConfig, folder: Path) -> Any:
-    """Load the finished runs under ``cfg.runs`` and hand them to the study.
+    """Load the finished runs that ``cfg.runs`` names and hand them to the study.
+
+    A study that asks for a ``classifier`` is of runs that make gesturing joints, and of one
+    training study; any other takes runs of any method, under the names of model and ablation.
 
     Args:
-        cfg: Composed from ``conf/evaluate.yaml`` and a study with ``runs``.
+        cfg: Composed from ``conf/evaluate.yaml`` and a study with ``runs``: a folder with runs
+            below it, a run's folder, or a list of such.
         folder: Where the study writes.
 
     Raises:
@@ -33,11 +40,23 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
             finished, or they don't belong together: several corpora, schedules, or runs of one
             name and seed.
     """
-    if OmegaConf.is_missing(cfg, "runs"):
+    named = None if OmegaConf.is_missing(cfg, "runs") else cfg.runs
+    folders = [named] if isinstance(named, str) else [str(each) for each in named or () if each]
+    if not folders:
         raise ConfigError("runs is not set", "add runs=DIR, a folder with finished runs below it")
     if cfg.checkpoint not in CHECKPOINTS:
         raise ConfigError(f"checkpoint={cfg.checkpoint!r} is not one of {', '.join(CHECKPOINTS)}")
-    runs = _finished_below(cfg.runs, cfg.checkpoint)
+    runs = _finished_below(folders, cfg.checkpoint)
+    study = build(cfg.study_task)
+    if "classifier" in inspect.signature(study).parameters:
+        return _compare_joints(study, runs, cfg, folder)
+    return _compare_methods(study, runs, cfg, folder)
+
+
+def _compare_joints(
+    study: Callable[..., Any], runs: Sequence[FinishedRun], cfg: DictConfig, folder: Path
+) -> Any:
+    """Runs that make gesturing joints, with what tells their phases."""
     makers = [run for run in runs if issubclass(run.method, MakesJoints)]
     if not makers:
         raise ConfigError(
@@ -47,44 +66,80 @@ def compare_runs(cfg: DictConfig, folder: Path) -> Any:
     _require_one_study(makers)
     store = corpus_of(makers[0], cfg)
     encoder, _ = encoder_of(makers[0], cfg, store)
-    systems: list[TrainedSystem] = []
-    for run in makers:
-        require_same(run.fingerprint, store.fingerprint, f"{run.folder}: the corpus")
-        model = run.load(store)
-        if cfg.checkpoint == "last" and isinstance(model, HasSchedule) and model.steps_left:
-            raise ConfigError(
-                f"{run.folder}: {model.steps_left} steps of its schedule are left",
-                "train it to its end (ckpt_path=last), or say checkpoint=best",
-            )
-        systems.append(TrainedSystem(_name(run), run.seed, model))
+    systems = _loaded(makers, _name, store, cfg.checkpoint)
     classifier, judge = _phase_judge(cfg.classifier, systems)
-    return build(cfg.study_task)(
+    return study(
         store=store,
         encoder=encoder,
         split=cfg.split,
         folder=folder,
         systems=systems,
         classifier=classifier,
-        about=[
-            ("checkpoints", str(cfg.checkpoint)),
-            ("runs", ", ".join(run.folder.name for run in makers)),
-            ("phases judged by", judge),
-        ],
+        about=[*_about(makers, cfg), ("phases judged by", judge)],
     )
 
 
-def _finished_below(folder: str, checkpoint: str) -> list[FinishedRun]:
-    """The finished runs below a folder; those that can't be used are named in warnings."""
-    found = []
-    for listed in collect(folder).runs:
+def _compare_methods(
+    study: Callable[..., Any], runs: Sequence[FinishedRun], cfg: DictConfig, folder: Path
+) -> Any:
+    """Runs of any method that makes motion, on one corpus."""
+    makers = [run for run in runs if issubclass(run.method, GestureMethod)]
+    if not makers:
+        raise ConfigError(
+            f"runs={cfg.runs}: of {len(runs)} finished runs none makes motion",
+            "train some first: python train.py model=NAME",
+        )
+    _require_seeds(makers, _full_name, "give each variant an ablation's yaml, or judge it alone")
+    store = corpus_of(makers[0], cfg)
+    return study(
+        store=store,
+        split=cfg.split,
+        folder=folder,
+        systems=_loaded(makers, _full_name, store, cfg.checkpoint),
+        about=_about(makers, cfg),
+    )
+
+
+def _about(runs: Sequence[FinishedRun], cfg: DictConfig) -> list[tuple[str, str]]:
+    return [
+        ("checkpoints", str(cfg.checkpoint)),
+        ("runs", ", ".join(run.folder.name for run in runs)),
+    ]
+
+
+def _loaded(
+    runs: Sequence[FinishedRun],
+    name_of: Callable[[FinishedRun], str],
+    store: Store,
+    checkpoint: str,
+) -> list[TrainedSystem]:
+    systems = []
+    for run in runs:
+        require_same(run.fingerprint, store.fingerprint, f"{run.folder}: the corpus")
+        model = run.load(store)
+        if checkpoint == "last" and isinstance(model, HasSchedule) and model.steps_left:
+            raise ConfigError(
+                f"{run.folder}: {model.steps_left} steps of its schedule are left",
+                "train it to its end (ckpt_path=last), or say checkpoint=best",
+            )
+        systems.append(TrainedSystem(name_of(run), run.seed, model))
+    return systems
+
+
+def _finished_below(folders: Sequence[str], checkpoint: str) -> list[FinishedRun]:
+    """The finished runs below folders; those that can't be used are named in warnings."""
+    found = dict[Path, FinishedRun]()
+    for listed in (run for folder in folders for run in collect(folder).runs):
+        if listed.folder.resolve() in found:
+            continue
         if listed.status != "ok":
             logger.warning("%s is left out: %s", listed.folder, listed.status)
             continue
         try:
-            found.append(open_run(listed.folder, checkpoint))
+            found[listed.folder.resolve()] = open_run(listed.folder, checkpoint)
         except CospeechError as error:
             logger.warning("%s is left out: %s", listed.folder, error)
-    return found
+    return list(found.values())
 
 
 def _phase_judge(
@@ -108,6 +163,10 @@ def _name(run: FinishedRun) -> str:
     return run.ablation.split("__")[-1]
 
 
+def _full_name(run: FinishedRun) -> str:
+    return run.model if run.ablation == "full" else f"{run.model} {_name(run)}"
+
+
 def _require_one_study(runs: Sequence[FinishedRun]) -> None:
     """Rows of one study differ by their ablation and seed, and by nothing else.
 
@@ -116,9 +175,25 @@ def _require_one_study(runs: Sequence[FinishedRun]) -> None:
             different experiments.
     """
     hint = "give a folder with the runs of one study: runs=outputs/studies/NAME"
+    _require_seeds(runs, _name, hint)
+    for run in runs:
+        if (a := runs[0].experiment) != (b := run.experiment):
+            raise ConfigError(
+                f"{runs[0].folder} is of experiment={a}, {run.folder} of experiment={b}", hint
+            )
+
+
+def _require_seeds(
+    runs: Sequence[FinishedRun], name_of: Callable[[FinishedRun], str], hint: str
+) -> None:
+    """Runs of one name are seeds of one training.
+
+    Raises:
+        ConfigError: Two runs of one name and seed, or of one name and different settings.
+    """
     seen = dict[str, FinishedRun]()
     for run in runs:
-        name = _name(run)
+        name = name_of(run)
         first = seen.setdefault(name, run)
         twin = seen.setdefault(f"{name}, seed {run.seed}", run)
         if twin is not run:
@@ -127,10 +202,6 @@ def _require_one_study(runs: Sequence[FinishedRun]) -> None:
             )
         if _settings(first) != _settings(run):
             raise ConfigError(f"{first.folder} and {run.folder} have different settings", hint)
-        if (a := runs[0].experiment) != (b := run.experiment):
-            raise ConfigError(
-                f"{runs[0].folder} is of experiment={a}, {run.folder} of experiment={b}", hint
-            )
 
 
 def _settings(run: FinishedRun) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import torch
 from hydra.utils import get_class
 from lightning import LightningModule
 from torch import Tensor, nn
@@ -148,9 +149,18 @@ class FinishedRun:
             arguments["corpus"] = {**arguments["corpus"], "store": folder}
         arguments |= given
         state: dict[str, Tensor] = content["state_dict"]
+
+        def made() -> LightningModule:
+            model = self.method(**arguments)
+            # Before its weights are compared, as Lightning does: a method may say better than their
+            # sizes why they don't fit.
+            with torch.device("cpu"):
+                model.on_load_checkpoint(content)
+            return model
+
         with _not_many_more_weights_than(len(state)):
-            model = filled(lambda: self.method(**arguments), state)
-        model.on_load_checkpoint(content)
+            # Of a training that diverged the motion tells.
+            model = filled(made, state, finite=False)
         assert isinstance(model, GestureMethod)
         return model.eval()
 

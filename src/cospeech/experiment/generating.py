@@ -11,11 +11,14 @@ import torch
 from hydra.utils import to_absolute_path
 from omegaconf import DictConfig, OmegaConf
 
+from cospeech.corpus.features import fields_of
 from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment.finished_run import load
 from cospeech.files import replacing
 from cospeech.matching.control import read_values
+from cospeech.motion.bvh import write_bvh
 from cospeech.motion.motion import Motion
+from cospeech.motion.upper_body import to_upper_body
 from cospeech.reporting.player import PlayerClip, write_player
 from cospeech.speech.reading import read_speech
 from cospeech.speech.speech import Speech
@@ -24,10 +27,11 @@ logger = logging.getLogger(__name__)
 
 
 def generate(cfg: DictConfig) -> Motion:
-    """Generate, and leave a page to watch and the positions as arrays.
+    """Generate, and leave a page to watch, the positions as arrays and the rotations as BVH.
 
-    Writes ``player.html`` and ``motion.npz``: ``positions`` (T, 10, 3) float32, metres, ``joints``
-    (their names) and ``fps``.
+    Writes ``player.html``; ``motion.npz``: ``positions`` (T, 10, 3) float32, metres, of the upper
+    body, ``joints`` (their names) and ``fps``; and, of a method that makes rotations,
+    ``motion.bvh``: its whole skeleton, centimetres (`write_bvh`).
 
     Args:
         cfg: Composed from ``conf/generate.yaml``.
@@ -45,6 +49,12 @@ def generate(cfg: DictConfig) -> Motion:
     method = load(str(cfg.run), cfg.checkpoint, [cfg.data.store_dir], **given)
     transcript = None if cfg.transcript is None else to_absolute_path(cfg.transcript)
     speech = read_speech(to_absolute_path(cfg.audio), transcript)
+    if transcript is None and any(field.reads == "words" for field in fields_of(method.needs)):
+        logger.warning(
+            "no transcript: %s reads words, too, and takes it that nobody speaks; add"
+            " transcript=FILE, which may be plain text",
+            type(method).__name__,
+        )
     controls = None if cfg.controls is None else read_values(to_absolute_path(cfg.controls))
     started = time.perf_counter()
     try:
@@ -71,16 +81,19 @@ def generate(cfg: DictConfig) -> Motion:
 
 
 def _written(motion: Motion, speech: Speech, folder: Path, name: str, seconds: float) -> str:
-    """Write the arrays and then the page, and say where they are.
+    """Write the arrays, the BVH and then the page, and say where they are.
 
     Raises:
-        CospeechError: One of them can't be written; where it is the page, the arrays are.
+        CospeechError: One of them can't be written; where it is the page, the others are.
     """
     arrays, page = folder / "motion.npz", folder / "player.html"
+    upper_body = to_upper_body(motion)
     with replacing(arrays) as temporary, temporary.open("wb") as file:
-        joints = np.array(motion.skeleton.joints)
-        np.savez(file, positions=motion.positions, joints=joints, fps=motion.fps)
+        joints = np.array(upper_body.skeleton.joints)
+        np.savez(file, positions=upper_body.positions, joints=joints, fps=motion.fps)
     kept = f"motion: {arrays.resolve()}"
+    if motion.rotations_local is not None and len(motion):
+        kept += f"\nfor a rig: {write_bvh(folder / 'motion.bvh', motion).resolve()}"
     name = name.encode("utf-8", "replace").decode()  # of a file name that is no UTF-8
     try:
         write_player(page, [PlayerClip(name, {"generated": motion}, speech)], name)

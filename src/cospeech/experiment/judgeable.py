@@ -40,7 +40,7 @@ def refuse_unjudgeable(name: str, method: LightningModule) -> None:
         )
     if not isinstance(method, GestureMethod):
         return
-    window = method.window
+    window = method.window.of_split("val")
     frames = evaluation_frames(window.frames, window.fps)
     if frames < EVALUATION_FRAMES:
         least = math.ceil((EVALUATION_FRAMES - 1) / EVALUATION_FPS * window.fps - 1e-6) + 1

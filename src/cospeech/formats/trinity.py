@@ -43,7 +43,7 @@ CHALLENGE_VALIDATION = ("001", "002")
 
 _RELEASED = {"val": range(1, 3), "test": range(3, 6), "train": range(6, 31)}
 _GENEA_NAME = re.compile(r"(recording|testseq)_?(\d{3})", re.IGNORECASE)
-_TAKE_NAME = re.compile(r"naturaltalking_(\d{3})(_2)?", re.IGNORECASE)
+_TAKE_NAME = re.compile(r"naturaltalking_(\d{2,3})(_2)?", re.IGNORECASE)
 NAMES = (_GENEA_NAME, _TAKE_NAME)
 """Of the files of a recording: in the GENEA release, and as everywhere else."""
 
@@ -150,7 +150,8 @@ def _renamed(root: Path, takes: Iterable[Take]) -> list[Take]:
             table = TRAINING if genea[1].lower() == "recording" else TEST
             number = table.get(int(genea[2]))
         elif own is not None:
-            number = own[1] + (own[2] or "")
+            # Gesticulator's renaming fills up to three characters, of which "_2" are two.
+            number = f"{int(own[1]):03d}{own[2] or ''}"
         elif _part(take) == 2 and (raw_number := _raw_number(take)) is not None:
             renamed.append(_of_part(take, 2, raw_number))
             continue

@@ -19,7 +19,7 @@ from cospeech.speech.speech import Speech
 
 
 class GestureMethod(LightningModule, ABC):
-    """Base of the methods: windows in, upper-body motion out.
+    """Base of the methods: windows in, motion out.
 
     A subclass sets its attributes, implements `sample` and `begin`, and trains itself by manual
     optimisation. Schedules are pure values of ``current_epoch``; every random number in training
@@ -95,7 +95,11 @@ class GestureMethod(LightningModule, ABC):
         seed_motion: Motion | None,
         generator: torch.Generator,
     ) -> Stream:
-        """What `open` gives: its arguments are checked, the controls are parsed."""
+        """What `open` gives: its arguments are checked, the controls are parsed.
+
+        Its motion is on one skeleton that `to_upper_body` has a way from: `UPPER_BODY` where the
+        method makes no more.
+        """
 
     def generate(
         self,
@@ -115,7 +119,9 @@ class GestureMethod(LightningModule, ABC):
             generator: See `open`.
 
         Returns:
-            Upper-body motion that covers the audio exactly: ``ceil(duration * fps)`` frames.
+            Motion that covers the audio exactly, ``ceil(duration * fps)`` frames, on the fullest
+            skeleton that the method knows, with rotations where it makes them. `to_upper_body` of
+            `cospeech.motion.upper_body` derives the ten evaluation joints.
 
         Raises:
             CospeechError: As `open` and `Stream.push`.

@@ -13,7 +13,7 @@ from cospeech.motion.upper_body import (
     EVALUATION_FPS,
     EVALUATION_FRAMES,
     EVALUATION_STRIDE,
-    UPPER_BODY,
+    to_upper_body,
 )
 
 
@@ -55,20 +55,17 @@ def to_evaluation_windows(motion: Motion) -> Tensor:
     """Cut a motion into windows of the evaluation space.
 
     Args:
-        motion: Root-relative motion of the upper-body joints, at any frame rate.
+        motion: On any skeleton that has the upper-body joints (`to_upper_body`), at any frame rate.
 
     Returns:
         ``(n, 34, 10, 3)`` float32 at 15 fps, window i from frame 10 i on; frames after the last
         full window are left out, and a motion shorter than one window gives none.
 
     Raises:
-        ValueError: Another skeleton than `UPPER_BODY`.
+        CospeechError: The skeleton has no such joints.
     """
-    if motion.skeleton.joints != UPPER_BODY.joints:
-        raise ValueError(
-            f"evaluation takes the upper-body joints, not skeleton {motion.skeleton.name}"
-        )
-    positions = torch.from_numpy(resample_positions(motion.positions, motion.fps, EVALUATION_FPS))
+    upper_body = to_upper_body(motion).positions
+    positions = torch.from_numpy(resample_positions(upper_body, motion.fps, EVALUATION_FPS))
     return cut_windows(positions[None])
 
 

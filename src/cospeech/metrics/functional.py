@@ -153,6 +153,45 @@ def joint_mae(generated: Tensor, real: Tensor, seed_frames: int = SEED_FRAMES) -
     return (generated - real)[:, seed_frames:].double().abs().mean()
 
 
+def position_error(generated: Tensor, real: Tensor, seed_frames: int = SEED_FRAMES) -> Tensor:
+    """Mean distance of a joint from where it was recorded: the average position error, metres.
+
+    Args:
+        generated: ``(B, T, J, 3)`` positions, metres.
+        real: The same shape.
+        seed_frames: Leading frames that were given to the method and are left out.
+
+    Returns:
+        ``(B,)`` float64, per window.
+    """
+    return _distances(generated, real, seed_frames).mean((1, 2))
+
+
+def root_mean_square_error(
+    generated: Tensor, real: Tensor, seed_frames: int = SEED_FRAMES
+) -> Tensor:
+    """Root of the mean squared distance of a joint from where it was recorded, metres.
+
+    Kucherenko et al. 2020 print such a number (table 3) and neither the paper nor its code says
+    over what the mean goes; here it is over frames and joints.
+
+    Args:
+        generated: As for `position_error`, like the others.
+        real: See `position_error`.
+        seed_frames: See `position_error`.
+
+    Returns:
+        ``(B,)`` float64, per window; never below `position_error`.
+    """
+    return _distances(generated, real, seed_frames).square().mean((1, 2)).sqrt()
+
+
+def _distances(generated: Tensor, real: Tensor, seed_frames: int) -> Tensor:
+    """``(B, T - seed_frames, J)`` distances of joints."""
+    _require_same_shape(generated, real)
+    return (generated.double() - real.double())[:, seed_frames:].norm(dim=-1)
+
+
 def acceleration_error(generated: Tensor, real: Tensor) -> Tensor:
     """Mean absolute difference of second frame differences over all frames.
 

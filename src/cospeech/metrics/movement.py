@@ -1,4 +1,4 @@
-"""How joints move, in numbers: speed, reach, holds, jitter, seams, repetition, stretching bones.
+"""How joints move, in numbers: speed, acceleration, jerk, reach, holds, seams, repetition, bones.
 
 Positions are ``(..., J, 3)`` in metres.
 """
@@ -18,6 +18,57 @@ HOLD_SPEED = 0.1
 
 JITTER_FREQUENCY = 4.0
 """Hz above which wrist motion counts as jitter; people gesture below it."""
+
+
+def derivative_sizes(positions: ArrayLike, order: int, fps: float) -> Array:
+    """Sizes of a derivative of position at each step: speed, acceleration or jerk of each joint.
+
+    ``|| d(t) || * fps^order`` where ``d`` is the difference of positions from frame to frame, of
+    order 1 for speed, 2 for acceleration and 3 for jerk. Both conventions of published tables are
+    this number: of seconds with the motion's own ``fps``, and of frames with ``fps=1``, by which
+    table 3 of Kucherenko et al. 2020 was printed (docs/facts/metrics.md, section 4).
+
+    Args:
+        positions: ``(..., T, J, 3)``, in any unit of length.
+        order: 1 or more.
+        fps: Frames per second; 1 leaves the frame as unit of time.
+
+    Returns:
+        ``(..., T - order, J)``, in that unit per second (or frame) to the power of ``order``.
+
+    Raises:
+        ValueError: ``order`` is below 1, or there are too few frames for one difference.
+    """
+    positions = np.asarray(positions, dtype=np.float64)
+    if order < 1 or positions.shape[-3] <= order:
+        raise ValueError(f"differences of order {order} of {positions.shape[-3]} frames")
+    sizes: Array = np.linalg.norm(np.diff(positions, n=order, axis=-3), axis=-1) * fps**order
+    return sizes
+
+
+def histogram(sizes: ArrayLike, width: float, bins: int) -> NDArray[np.int64]:
+    """How many sizes fall into each bin, per column, and how many are beyond the last one.
+
+    Published histograms of speed leave out what is beyond: on the clip of Gesticulator's demo that
+    is a tenth of all speeds and nearly half of the hands'. Whoever compares shares must have it.
+
+    Args:
+        sizes: ``(N, ...)``, none below 0.
+        width: Of a bin; bin b holds ``b * width <= size < (b + 1) * width``.
+        bins: How many.
+
+    Returns:
+        ``(bins + 1, ...)``; the last row counts ``size >= bins * width``. A column's sum is N.
+
+    Raises:
+        ValueError: A size is negative or NaN.
+    """
+    sizes = np.asarray(sizes, dtype=np.float64)
+    if not (sizes >= 0).all():
+        raise ValueError("sizes are 0 or more")
+    edges = width * np.arange(bins + 1)
+    found = np.searchsorted(edges, sizes, side="right") - 1
+    return np.stack([(found == place).sum(axis=0) for place in range(bins + 1)])
 
 
 def wrist_velocities(windows: ArrayLike, wrists: Sequence[int], fps: float) -> Array:
@@ -188,7 +239,7 @@ def _over_pairs(values: Array, weights: Array) -> float:
 def mean_jerk(windows: ArrayLike, joints: Sequence[int], fps: float) -> Array:
     """Mean size of the third derivative of position, per window.
 
-    ``|| p(t) - 3 p(t-1) + 3 p(t-2) - p(t-3) || * fps^3``, over time and ``joints``.
+    `derivative_sizes` of order 3, over time and ``joints``.
 
     Args:
         windows: ``(N, T, J, 3)``, metres, T >= 4.
@@ -198,8 +249,8 @@ def mean_jerk(windows: ArrayLike, joints: Sequence[int], fps: float) -> Array:
     Returns:
         ``(N,)`` metres per second cubed.
     """
-    thirds = np.diff(np.asarray(windows, dtype=np.float64)[:, :, list(joints)], n=3, axis=1)
-    jerk: Array = np.linalg.norm(thirds, axis=-1).mean(axis=(1, 2)) * fps**3
+    chosen = np.asarray(windows, dtype=np.float64)[:, :, list(joints)]
+    jerk: Array = derivative_sizes(chosen, 3, fps).mean(axis=(1, 2))
     return jerk
 
 
@@ -226,8 +277,8 @@ def velocity_power(windows: ArrayLike, joints: Sequence[int], fps: float) -> Arr
 
 def held_share(windows: ArrayLike, wrists: Sequence[int], fps: float) -> Array:
     """Share of steps in which every wrist is slower than `HOLD_SPEED` (Euclidean), ``(N,)``."""
-    steps = np.diff(np.asarray(windows, dtype=np.float64)[:, :, list(wrists)], axis=1)
-    share: Array = (np.linalg.norm(steps, axis=-1) * fps < HOLD_SPEED).all(-1).mean(-1)
+    speeds = derivative_sizes(np.asarray(windows, dtype=np.float64)[:, :, list(wrists)], 1, fps)
+    share: Array = (speeds < HOLD_SPEED).all(-1).mean(-1)
     return share
 
 

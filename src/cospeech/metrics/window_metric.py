@@ -45,7 +45,7 @@ class WindowMetric(Metric):
     full_state_update = False
 
     title: ClassVar[str]
-    unit: ClassVar[str] = ""
+    unit: str = ""
     needs: ClassVar[frozenset[str]] = frozenset()
     parts: ClassVar[Mapping[str, str]] = MappingProxyType({})
     compares: ClassVar[Comparison] = "pairs"

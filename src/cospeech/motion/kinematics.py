@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -180,10 +181,29 @@ def world_rotations(
     """World rotations ``(T, J, 4)`` from local ones of the same shape."""
     local = np.ascontiguousarray(rotations_local.transpose(1, 2, 0), dtype=np.float64)
     world = local.copy()
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            world[joint] = _multiply(world[parent], local[joint])
+    _, *deeper = joint_levels(tuple(parents))
+    for joints in deeper:
+        above = world[[parents[joint] for joint in joints]]
+        turned = _multiply(above.swapaxes(0, 1), local[list(joints)].swapaxes(0, 1))
+        world[list(joints)] = np.stack(turned, axis=1)
     return world.transpose(2, 0, 1)
+
+
+@lru_cache(maxsize=64)
+def joint_levels(parents: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
+    """The joints by their distance from a root: roots, their children, and so on.
+
+    Args:
+        parents: Parent index per joint, -1 for a root; parents before children.
+    """
+    depths = list[int]()
+    for parent in parents:
+        depths.append(0 if parent < 0 else depths[parent] + 1)
+    joints = range(len(parents))
+    return tuple(
+        tuple(joint for joint in joints if depths[joint] == depth)
+        for depth in range(max(depths, default=-1) + 1)
+    )
 
 
 def local_translations(

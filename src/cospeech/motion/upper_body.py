@@ -29,6 +29,7 @@ __all__ = [
     "EVALUATION_FPS",
     "EVALUATION_FRAMES",
     "EVALUATION_STRIDE",
+    "MOVING_JOINTS",
     "TED_AXES",
     "UPPER_BODY",
     "JointBlend",
@@ -54,6 +55,9 @@ UPPER_BODY = Skeleton(
 )
 """The ten evaluation joints, in the order of the TED set (left arm first)."""
 
+MOVING_JOINTS = tuple(j for j, parent in enumerate(UPPER_BODY.parents) if parent >= 0)
+"""All of the ten but the root, which is the origin in every frame."""
+
 TED_AXES = (-1.0, -1.0, 1.0)
 """Signs that take house axes to those of the TED set (x right, y down, z forward)."""
 
@@ -67,7 +71,8 @@ def to_upper_body(motion: Motion, joint_map: JointMap | None = None) -> Motion:
     moves with its joint's rotation.
 
     Args:
-        motion: Any skeleton that has a joint map, in house axes.
+        motion: Any skeleton that has a joint map, in house axes. One on `UPPER_BODY` has gone this
+            way already and comes back as it is.
         joint_map: Where the ten joints are; by the skeleton (`find_joint_map`) when None.
 
     Returns:
@@ -79,6 +84,8 @@ def to_upper_body(motion: Motion, joint_map: JointMap | None = None) -> Motion:
     """
     if motion.dimensions != 3:
         raise CospeechError("2-D keypoints have no 3-D upper body")
+    if motion.skeleton is UPPER_BODY and joint_map is None:
+        return motion
     if joint_map is None:
         joint_map = find_joint_map(motion.skeleton)
     names = bare_names(motion.skeleton)

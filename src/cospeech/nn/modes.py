@@ -14,4 +14,5 @@ def evaluating(network: nn.Module) -> Iterator[None]:
     try:
         yield
     finally:
-        network.train(training)
+        if training:
+            network.train()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickletools
 from _compat_pickle import IMPORT_MAPPING, NAME_MAPPING
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import IO, Any, NamedTuple
 
@@ -66,6 +67,10 @@ _LONGEST_KEPT = 10  # entries of a storage's tuple, with room
 class Walk:
     """One pickle, up to its end; the bytes after it are left.
 
+    Args:
+        file: Where it begins.
+        dictionaries: Names of classes that are read as if they were ordered dictionaries.
+
     Attributes:
         names: Classes and functions that it refers to.
         claims: Storages that it refers to.
@@ -75,7 +80,8 @@ class Walk:
             no file of tensors does.
     """
 
-    def __init__(self, file: IO[bytes]) -> None:
+    def __init__(self, file: IO[bytes], dictionaries: Collection[str] = ()) -> None:
+        self._dictionaries = {_ORDERED, *dictionaries}
         self.names: set[str] = set()
         self.claims: list[Claim] = []
         self._stack: list[_Value] = []
@@ -181,7 +187,7 @@ class Walk:
             raise ValueError("it calls what is no function")
         size = 1 + self._hold([arguments])
         self._does(size)
-        if called.content != _ORDERED:
+        if called.content not in self._dictionaries:
             kind = "tuple" if called.content == "torch.Size" else "object"
             self._made(_Value(kind, size, ()))
         elif arguments.size > 1:  # whose keys no opcode would name

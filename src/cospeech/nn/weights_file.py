@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -88,6 +89,7 @@ def read_weights(
     largest_bytes: int = LARGEST_FILE_BYTES,
     allowed: Sequence[type] = (),
     stand_in: type | None = None,
+    dictionaries: Collection[str] = (),
 ) -> dict[str, Any]:
     """Read what `write_weights` or `torch.save` wrote, on the CPU; nothing that it names runs.
 
@@ -103,6 +105,7 @@ def read_weights(
             be plain too.
         stand_in: Takes the place of any other class or function, of which nothing runs; None
             refuses files that name one.
+        dictionaries: Names of subclasses of `dict`, which are read as ordered dictionaries.
 
     Raises:
         InputFileError: Missing, too large, damaged, unsafe to read, or no dictionary.
@@ -122,13 +125,14 @@ def read_weights(
         file = path if zipped else io.BytesIO(read_bytes(path, kind, largest_bytes))
         classes: list[Any] = list(allowed)
         names = {f"{one.__module__}.{one.__qualname__}" for one in allowed}
-        unknown = sorted(_names_in(file) - _KNOWN - names)
+        unknown = sorted(_names_in(file, dictionaries) - _KNOWN - names - set(dictionaries))
         if stand_in is None:
             refused = unknown
         else:
             # What torch knows it would not replace.
             refused = [name for name in unknown if name.startswith(("torch.", "builtins."))]
             classes += [(stand_in, name) for name in unknown]
+        classes += [(OrderedDict, name) for name in dictionaries]
         if refused:
             raise ValueError(f"it names {refused[0][:100]!r}, which has no place in {kind}")
         with torch.serialization.safe_globals(classes):
@@ -164,15 +168,18 @@ def read_checkpoint(path: str | Path, hint: str) -> dict[str, Any]:
     return content
 
 
-def filled(make: Callable[[], Network], state: Mapping[str, Tensor]) -> Network:
+def filled(
+    make: Callable[[], Network], state: Mapping[str, Tensor], *, finite: bool = True
+) -> Network:
     """A network with the weights of a file, made only once it is known to be of their size.
 
     Args:
         make: Makes the untrained network, whose sizes may be a file's claim.
         state: Its weights.
+        finite: Refuse values that are not.
 
     Raises:
-        ValueError: They are no weights of such a network.
+        ValueError: They are no weights of such a network, or not finite.
     """
     with torch.device("meta"):  # takes no memory
         expected = make().state_dict()
@@ -182,6 +189,11 @@ def filled(make: Callable[[], Network], state: Mapping[str, Tensor]) -> Network:
             raise ValueError(f"there is no tensor {name}")
         if found.shape != tensor.shape:
             raise ValueError(f"{name} is {list(found.shape)}, not {list(tensor.shape)}")
+        if found.is_floating_point() != tensor.is_floating_point() or found.is_complex():
+            raise ValueError(f"{name} holds {found.dtype}, not {tensor.dtype}")
+        # A double may be finite where a single is not.
+        if finite and not found.to(tensor.dtype).isfinite().all():
+            raise ValueError(f"{name} holds values that are not finite")
     if more := [name for name in state if name not in expected]:
         raise ValueError(f"there is no place for {more[0]!r:.100}")
     network = make()
@@ -194,7 +206,7 @@ def _is_zip(path: Path) -> bool:
         return file.read(4) == b"PK\x03\x04"
 
 
-def _names_in(file: Path | io.BytesIO) -> set[str]:
+def _names_in(file: Path | io.BytesIO, dictionaries: Collection[str]) -> set[str]:
     """Classes and functions that a file refers to.
 
     Before torch 1.6 these were bare bytes: a magic number, a protocol, facts of the system, the
@@ -204,16 +216,16 @@ def _names_in(file: Path | io.BytesIO) -> set[str]:
         ValueError: It isn't whole, claims more than it has, or takes far more to load.
     """
     if isinstance(file, Path):
-        return _zipped_names(file)
+        return _zipped_names(file, dictionaries)
     size = len(file.getbuffer())
-    walks = [Walk(file) for _ in range(5)]
+    walks = [Walk(file, dictionaries) for _ in range(5)]
     claims = {claim.key: claim for walk in walks for claim in walk.claims}
     if sum(map(_claimed_bytes, claims.values())) > size:
         raise ValueError(f"its tensors claim more than the {size} bytes that it has")
     return set().union(*(walk.names for walk in walks))
 
 
-def _zipped_names(path: Path) -> set[str]:
+def _zipped_names(path: Path, dictionaries: Collection[str]) -> set[str]:
     """Names of a zip file, whose parts are whole and as long as told.
 
     Raises:
@@ -234,7 +246,9 @@ def _zipped_names(path: Path) -> set[str]:
         if len(pickles) != 1:
             raise ValueError(f"{len(pickles)} parts are called data.pkl")
         # As torch's own reader finds it, which may read a zip's directory in another way.
-        walk = Walk(io.BytesIO(torch._C.PyTorchFileReader(str(path)).get_record("data.pkl")))
+        walk = Walk(
+            io.BytesIO(torch._C.PyTorchFileReader(str(path)).get_record("data.pkl")), dictionaries
+        )
     for claim in walk.claims:
         part = sizes.get(f"{pickles[0].removesuffix('.pkl')}/{claim.key}".lower(), 0)
         if _claimed_bytes(claim) > part:

@@ -33,6 +33,8 @@ def band_power(
 ) -> NDArray[np.float32]:
     """Squared magnitudes of windowed frames, summed into bands.
 
+    A frame's values are the same, to the bit, whichever others there are.
+
     Args:
         signal: ``(N,)`` samples.
         starts: ``(frames,)`` first sample of each frame; all frames lie inside the signal.
@@ -50,7 +52,9 @@ def band_power(
     for first in range(0, len(starts), _FRAMES_PER_BLOCK):
         rows = slice(first, first + _FRAMES_PER_BLOCK)
         spectrum = fft.rfft(views[starts[rows]] * window, fft_samples)
-        power[rows] = (spectrum.real**2 + spectrum.imag**2) @ bands.T
+        energies = spectrum.real**2 + spectrum.imag**2
+        # A product for each frame: one of all differs in the last bit with their number.
+        power[rows] = np.matmul(energies[:, None], bands.T)[:, 0]
     return power
 
 

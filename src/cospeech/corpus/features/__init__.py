@@ -11,13 +11,15 @@ from collections.abc import Iterable, Mapping
 
 from cospeech.corpus.features.acoustics import ACOUSTICS, ENERGY, MFCC, PITCH
 from cospeech.corpus.features.audio import AUDIO
-from cospeech.corpus.features.cepstra import CEPSTRA, STATIC_CEPSTRA
+from cospeech.corpus.features.cepstra import CEPSTRA, GESTICULATOR_CEPSTRA, STATIC_CEPSTRA
 from cospeech.corpus.features.field import Field, FieldSource
 from cospeech.corpus.features.joints import JOINTS, PHASES, POSES, WRISTS
 from cospeech.corpus.features.mel import GESTICULATOR, TRIMODAL
 from cospeech.corpus.features.positions import POSITIONS
+from cospeech.corpus.features.prosody import GESTICULATOR_PROSODY
 from cospeech.corpus.features.rotations import ROOT, ROTATIONS
 from cospeech.corpus.features.speakers import SPEAKERS
+from cospeech.corpus.features.spoken_words import SPOKEN_WORDS
 from cospeech.corpus.features.word_vectors import WORD_VECTORS
 from cospeech.corpus.features.words import WORDS
 from cospeech.errors import ConfigError
@@ -37,6 +39,7 @@ FIELDS: Mapping[str, Field] = {
         AUDIO,
         WORDS,
         WORD_VECTORS,
+        SPOKEN_WORDS,
         SPEAKERS,
         JOINTS,
         POSES,
@@ -52,6 +55,8 @@ FIELDS: Mapping[str, Field] = {
         STATIC_CEPSTRA,
         TRIMODAL,
         GESTICULATOR,
+        GESTICULATOR_CEPSTRA,
+        GESTICULATOR_PROSODY,
         MATCHED,
     )
 }
@@ -68,7 +73,11 @@ _LACKING: Mapping[FieldSource, tuple[str, str]] = {
         "2-D keypoints have none: choose a 3-D corpus (for Berkeley data.kind=3d)",
     ),
     "sound": ("sound", "use a corpus with audio, or a method that reads none"),
-    "words": ("words", "use a corpus with transcripts, or a method that reads none"),
+    "words": (
+        "transcripts",
+        "put one beside each sound file (.TextGrid, .json, .tsv ...), or train on sound alone:"
+        " model.text=none for model=gesticulator",
+    ),
     "speaker": ("speakers", "use a corpus that says who speaks, or a method that doesn't ask"),
     "search": (
         "motion that a search found",
@@ -119,7 +128,7 @@ def refuse_lacking(
     fields, lacks = fields_of(needs), set(lacks)
     lacking, hints = list[str](), list[str]()
     for source in (source for source in _LACKING if source in lacks):
-        if names := [field.name for field in fields if field.reads == source]:
+        if names := [f.name for f in fields if f.reads == source and not f.has_padding]:
             what, hint = _LACKING[source]
             lacking.append(f"{what} (the field {', '.join(names)})")
             hints.append(hint)

@@ -39,6 +39,7 @@ ACOUSTICS = SpeechField(
     reads="sound",
     width=opensmile.COEFFICIENTS + 1,
     unit="26 cepstral coefficients (no unit), then F0 in Hz, 0 where unvoiced",
+    version=2,
     fps=opensmile.FPS,
     sees_whole_clip=True,  # what is voiced is judged against the loudest sample
     compute=_acoustics,

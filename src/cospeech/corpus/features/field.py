@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from cospeech.speech.speech import SAMPLE_RATE, Speech
 
 if TYPE_CHECKING:
     from cospeech.corpus.features.span_motion import SpanMotion
+    from cospeech.corpus.features.streaming import RowStream
 
 Axis = Literal["method frames", "evaluation frames", "samples", "none"]
 """What an index along a window means: a frame at the method's rate, one at the evaluation's 15 fps,
@@ -39,6 +41,7 @@ class Field:
         axis: The time axis that follows the batch's.
         unit: Unit of its numbers.
         width: Numbers per step of the axis; None where the skeleton says how many.
+        has_padding: Whether it means something in a corpus where nothing has what it is made from.
         dtype: Of the batch's tensor.
     """
 
@@ -47,6 +50,7 @@ class Field:
     axis: Axis
     unit: str
     width: int | None = 1
+    has_padding: bool = False
     dtype: type[np.generic] = np.float32
 
 
@@ -64,6 +68,21 @@ class Context(NamedTuple):
     samples: int
 
 
+class Placed(NamedTuple):
+    """How rows are computed of a part of the sound where it matters which part it is.
+
+    Attributes:
+        hop: Samples from one row's time to the next one's, from 0 on.
+        multiple: Parts begin at a multiple of so many samples, fewer than ``hop``.
+        compute: ``(rows, width)`` of samples and of where the first of them is in the sound: the
+            rows whose times lie in the part.
+    """
+
+    hop: Fraction
+    multiple: int
+    compute: Callable[[NDArray[np.float32], int], NDArray[np.float32]]
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpeechField(Field):
     """A field of speech with values on the method's frames, computed once per corpus and kept.
@@ -75,6 +94,10 @@ class SpeechField(Field):
         sees_whole_clip: Whether a value depends on all of the sound, however far away.
         context: What of the sound a row looks at; None where rows of a part of the sound aren't
             those of the whole, to the bit.
+        placed: How a part of the sound is computed; None where the same sound has the same rows
+            wherever a row begins with it.
+        opens: Begins its rows of a speech that is heard piece by piece, at a rate, where they are
+            of words; None: `context` says it.
         compute: ``(frames, width)`` of a speech that has sound: at its own rate as many as there
             are, at least one; else of the rate and the number of frames given.
     """
@@ -84,6 +107,8 @@ class SpeechField(Field):
     fps: float | None = None
     sees_whole_clip: bool = False
     context: Context | None = None
+    placed: Placed | None = None
+    opens: Callable[[float], RowStream] | None = None
     compute: Callable[[Speech, float, int], NDArray[np.float32]]
 
     def of_speech(

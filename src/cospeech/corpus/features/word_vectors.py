@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cospeech.corpus.features.field import SpeechField
-from cospeech.speech.speech import Speech
+from cospeech.speech.speech import Speech, Word
 from cospeech.speech.text.contextual import PACKAGED_DIMENSIONS, ContextualVectors
 from cospeech.speech.text.vectors import WordVectors
 
@@ -44,26 +45,37 @@ def _on_frames(
     values = np.zeros((frames, provider.dimensions), dtype=np.float32)
     words = speech.words or ()
     for word, vector in zip(words, provider.vectors(words), strict=True):
-        onset = max(0, int(np.floor(word.start * fps + 1e-6)))
-        values[onset : max(onset + 1, int(np.ceil(word.end * fps - 1e-6)))] = vector
+        values[on_frames(word, fps)] = vector
     return values
 
 
-@lru_cache(maxsize=1)
-def _packaged() -> WordVectors:
-    return ContextualVectors()
+def on_frames(word: Word, fps: float) -> slice:
+    """The frames of a word: those that it is said in, and at least that of its onset."""
+    onset = max(0, int(np.floor(word.start * fps + 1e-6)))
+    return slice(onset, max(onset + 1, int(np.ceil(word.end * fps - 1e-6))))
 
 
-def _by_the_packaged(speech: Speech, fps: float, frames: int) -> NDArray[np.float32]:
-    return _on_frames(_packaged(), speech, fps, frames)
+class Packaged:
+    """The packaged MiniLM, read when the first vector is asked for.
+
+    Args:
+        special_tokens: See `ContextualVectors`.
+    """
+
+    dimensions = PACKAGED_DIMENSIONS
+
+    def __init__(self, special_tokens: bool = True) -> None:
+        self.version = "minilm" if special_tokens else "minilm-bare"
+        self._special_tokens = special_tokens
+
+    def vectors(self, words: Sequence[Word]) -> NDArray[np.float32]:
+        """See `WordVectors`."""
+        return _packaged(self._special_tokens).vectors(words)
 
 
-WORD_VECTORS = SpeechField(
-    name="word_vectors",
-    reads="words",
-    width=PACKAGED_DIMENSIONS,
-    unit="no unit; of the packaged MiniLM, or of the provider that the windows name",
-    version="minilm",
-    sees_whole_clip=True,
-    compute=_by_the_packaged,
-)
+@lru_cache(maxsize=2)
+def _packaged(special_tokens: bool) -> WordVectors:
+    return ContextualVectors(special_tokens=special_tokens)
+
+
+WORD_VECTORS = word_vectors(Packaged())

@@ -79,6 +79,7 @@ WORDS = WindowField(
     reads="words",
     axis="method frames",
     unit="word id on the frame of its onset, 0 elsewhere",
+    has_padding=True,
     dtype=np.int64,
     reader=_reader,
 )

@@ -141,7 +141,7 @@ class Chunks(Stream):
 
     def __init__(self, voice: Synthesiser, styles: Styles, seeds: Tensor) -> None:
         window_s = voice.window.frames / voice.window.fps
-        super().__init__(look_ahead_s=window_s, delay_s=window_s)
+        super().__init__(window_s, window_s, words_look_ahead_s=window_s)
         self._voice, self._styles, self._previous = voice, styles, seeds
         self._sound = np.zeros(0, dtype=np.float32)
         self._words: list[EncodedWords] = []

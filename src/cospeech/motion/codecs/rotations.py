@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -13,19 +14,37 @@ from torch import Tensor, nn
 
 from cospeech.errors import CospeechError
 from cospeech.motion.joint_map import bare_names
+from cospeech.motion.kinematics import joint_levels
 from cospeech.motion.motion import Motion
 from cospeech.motion.skeleton import Skeleton
+
+# Entry by entry, row after row: 1 or 0, and the two products of components that are added to it.
+_FIRST, _SECOND = [5, 1, 2, 1, 0, 6, 2, 6, 0], [10, 11, 7, 11, 10, 3, 7, 3, 5]
+_OF_PRODUCTS = (
+    [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+    [-1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0],
+    [-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0],
+)
 
 
 def matrices_of_quaternions(quaternions: Tensor) -> Tensor:
     """Rotation matrices ``(..., 3, 3)`` of unit quaternions ``(..., 4)``, scalar last."""
-    x, y, z, w = quaternions.unbind(-1)
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    )
-    return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+    products = 2 * quaternions[..., :, None] * quaternions[..., None, :]
+    identity, first, second = (torch.tensor(part).to(quaternions) for part in _OF_PRODUCTS)
+    products = products.flatten(-2)
+    entries = identity + products[..., _FIRST] * first + products[..., _SECOND] * second
+    return entries.unflatten(-1, (3, 3))
+
+
+def _levels(skeleton: Skeleton) -> list[tuple[Tensor, Tensor]]:
+    """Joints by their distance from the root, and where their parents are in the level before."""
+    levels = joint_levels(skeleton.parents)
+    parents = [
+        [above.index(skeleton.parents[joint]) for joint in joints]
+        for above, joints in pairwise(levels)
+    ]
+    pairs = zip(levels, [[], *parents], strict=True)
+    return [(torch.tensor(joints), torch.tensor(places).long()) for joints, places in pairs]
 
 
 class RotationCodec(nn.Module, ABC):
@@ -39,8 +58,9 @@ class RotationCodec(nn.Module, ABC):
         skeleton: With rest offsets; the bones that `decode` poses. A recording's own are those of
             the skeleton of its motion.
         joints: Names of the joints that are coded, prefixes (``mixamorig:``) apart. One that the
-            skeleton lacks is at rest: zeros when its rotation is encoded as a vector, and of no
-            effect when it is decoded, so that a model's channels fit skeletons with fewer joints.
+            skeleton lacks, by its name or said to be None, is at rest: zeros when its rotation is
+            encoded as a vector, and of no effect when it is decoded, so that a model's channels fit
+            skeletons with fewer joints.
 
     Raises:
         CospeechError: The skeleton has no rest offsets, or none of the joints.
@@ -50,19 +70,23 @@ class RotationCodec(nn.Module, ABC):
     offsets: Tensor
     others: Tensor
 
-    def __init__(self, skeleton: Skeleton, joints: Sequence[str]) -> None:
+    def __init__(self, skeleton: Skeleton, joints: Sequence[str | None]) -> None:
         super().__init__()
         names = bare_names(skeleton)
-        if skeleton.offsets is None or not set(joints) & set(names):
-            lacks = "rest offsets" if skeleton.offsets is None else ", ".join(joints)
+        wanted = [(i, joint) for i, joint in enumerate(joints) if joint is not None]
+        known = [(i, names[joint]) for i, joint in wanted if joint in names]
+        if skeleton.offsets is None or not known:
+            lacks = ", ".join(joint for _, joint in wanted)
+            lacks = "rest offsets" if skeleton.offsets is None else lacks
             raise CospeechError(
                 f"rotations can't pose skeleton {skeleton.name!r}, which has no {lacks}",
                 "use a corpus of BVH files, or the embedded one",
             )
         self.skeleton = skeleton
         self.joints = tuple(joints)
-        self._columns = [i for i, joint in enumerate(joints) if joint in names]
-        self._indices = [names[joints[i]] for i in self._columns]
+        self._columns = [column for column, _ in known]
+        self._indices = [index for _, index in known]
+        self._levels = _levels(skeleton)
         self.register_buffer("offsets", torch.tensor(skeleton.offsets, dtype=torch.float32))
         self.register_buffer("others", torch.tensor([0.0, 0.0, 0.0, 1.0]).repeat(len(skeleton), 1))
 
@@ -104,10 +128,11 @@ class RotationCodec(nn.Module, ABC):
         """Local rotation matrices ``(..., J, 3, 3)`` of every joint."""
         coded = self._matrices(features.unflatten(-1, (len(self.joints), self.values_per_joint)))
         others = matrices_of_quaternions(self.others).to(features.dtype)
-        matrices = list(others.expand(*features.shape[:-1], -1, -1, -1).unbind(-3))
+        others = others.expand(*features.shape[:-1], -1, -1, -1)
+        sources = list(range(len(self.joints), len(self.joints) + len(self.skeleton)))
         for column, joint in zip(self._columns, self._indices, strict=True):
-            matrices[joint] = coded[..., column, :, :]
-        return torch.stack(matrices, dim=-3)
+            sources[joint] = column
+        return torch.cat([coded, others], dim=-3)[..., sources, :, :]
 
     def decode(self, features: Tensor, root_positions: Tensor | None = None) -> Tensor:
         """Positions ``(..., J, 3)`` in metres of features ``(..., size)``.
@@ -116,19 +141,21 @@ class RotationCodec(nn.Module, ABC):
             features: Network output or `encode`'s result.
             root_positions: ``(..., 3)`` metres; roots at their rest offset when None.
         """
-        world: list[Tensor] = []
-        positions: list[Tensor] = []
-        local = self.decode_rotations(features)
-        for joint, parent in enumerate(self.skeleton.parents):
-            turn, offset = local[..., joint, :, :], self.offsets[joint]
-            if parent < 0:
-                place = offset.expand(*features.shape[:-1], 3).to(local.dtype)
-                positions.append(place if root_positions is None else root_positions)
-                world.append(turn)
-                continue
-            positions.append(positions[parent] + world[parent] @ offset.to(local.dtype))
-            world.append(world[parent] @ turn)
-        return torch.stack(positions, dim=-2)
+        return self._posed(self.decode_rotations(features), root_positions)
+
+    def _posed(self, local: Tensor, root_positions: Tensor | None) -> Tensor:
+        """Positions ``(..., J, 3)`` of local rotation matrices ``(..., J, 3, 3)``."""
+        offsets, (roots, _) = self.offsets.to(local.dtype), self._levels[0]
+        places = offsets[roots] if root_positions is None else root_positions[..., None, :]
+        positions = [places.expand(*local.shape[:-3], len(roots), 3)]
+        world = local[..., roots, :, :]
+        for joints, above in self._levels[1:]:
+            turns = world[..., above, :, :]
+            bones = (turns @ offsets[joints, :, None]).squeeze(-1)
+            positions.append(positions[-1][..., above, :] + bones)
+            world = turns @ local[..., joints, :, :]
+        order = torch.cat([joints for joints, _ in self._levels])
+        return torch.cat(positions, dim=-2)[..., order.argsort(), :]
 
     @torch.no_grad()
     def motion(self, features: Tensor, fps: float, root_positions: Tensor | None = None) -> Motion:
@@ -139,11 +166,12 @@ class RotationCodec(nn.Module, ABC):
             fps: Frames per second.
             root_positions: ``(T, 3)``, as for `decode`.
         """
-        matrices = self.decode_rotations(features).double().cpu().numpy()
+        local = self.decode_rotations(features)
+        matrices = local.double().cpu().numpy()
         rotations: NDArray[np.float64] = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat()
         return Motion(
             self.skeleton,
             fps,
-            self.decode(features, root_positions).float().cpu().numpy(),
+            self._posed(local, root_positions).float().cpu().numpy(),
             rotations.reshape(*matrices.shape[:2], 4).astype(np.float32),
         )

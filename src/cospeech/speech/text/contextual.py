@@ -25,6 +25,8 @@ PACKAGED_DIMENSIONS = 384
 MOST_PIECES = 256
 """Of a model's input, special tokens among them: the context of a word in a long transcript."""
 
+_HUB_TIMEOUT_S = 10.0
+
 
 class ContextualVectors:
     """The last layer of a `transformers` encoder, the mean over the pieces of each word.
@@ -40,9 +42,11 @@ class ContextualVectors:
     it understands is up to the model: the packaged one knows English.
 
     Args:
-        model: A folder, or a name in the Hugging Face cache or hub; the packaged MiniLM when None.
+        model: A folder, or a name in the Hugging Face cache, or else the hub; the packaged MiniLM
+            when None.
             Weights are read from safetensors alone and no code that comes with a model is run.
         device: Where it runs.
+        special_tokens: Put its start and end token around what it reads.
 
     Raises:
         CospeechError: The extra isn't installed.
@@ -50,7 +54,9 @@ class ContextualVectors:
             not all there, or it wants code of its own to be run.
     """
 
-    def __init__(self, model: str | Path | None = None, device: str = "cpu") -> None:
+    def __init__(
+        self, model: str | Path | None = None, device: str = "cpu", special_tokens: bool = True
+    ) -> None:
         if find_spec("transformers") is None or (model is None and find_spec(PACKAGED) is None):
             raise CospeechError("contextual word vectors need the extra 'text'", INSTALL)
         folder = _packaged() if model is None else Path(model)
@@ -59,8 +65,11 @@ class ContextualVectors:
         self._network = network.to(device)
         self.dimensions = int(network.config.hidden_size)
         limits = (self._tokenizer.model_max_length, network.config.max_position_embeddings)
-        self._most = min(MOST_PIECES, *limits) - self._tokenizer.num_special_tokens_to_add()
-        self.version = f"contextual-{_digest(network, self._tokenizer)}"
+        self._special_tokens = special_tokens
+        self._room = self._tokenizer.num_special_tokens_to_add() if special_tokens else 0
+        self._most = min(MOST_PIECES, *limits) - self._room
+        bare = "" if special_tokens else "-bare"
+        self.version = f"contextual-{_digest(network, self._tokenizer)}{bare}"
 
     @torch.no_grad()
     def vectors(self, words: Sequence[Word]) -> NDArray[np.float32]:
@@ -92,7 +101,8 @@ class ContextualVectors:
             texts,
             is_split_into_words=True,
             truncation=True,
-            max_length=self._most + self._tokenizer.num_special_tokens_to_add(),
+            max_length=self._most + self._room,
+            add_special_tokens=self._special_tokens,
             return_tensors="pt",
         )
         hidden = self._network(**encoded.to(self._network.device)).last_hidden_state[0]
@@ -135,21 +145,15 @@ def _packaged() -> Path:
 
 
 def _load(name: str) -> tuple[Any, Any]:
-    from transformers import AutoModel, AutoTokenizer
-
-    settings = {"trust_remote_code": False, "local_files_only": Path(name).is_dir()}
     hint = "give the folder or the name of an encoder such as BERT, with model.safetensors"
     try:
-        tokenizer = AutoTokenizer.from_pretrained(name, add_prefix_space=True, **settings)
-        # A method that holds one may be built without memory before its weights are read.
-        with torch.device("cpu"):
-            network, loading = AutoModel.from_pretrained(
-                name,
-                use_safetensors=True,
-                output_loading_info=True,
-                dtype=torch.float32,
-                **settings,
-            )
+        try:
+            tokenizer, network, loading = _parts(name, local_files_only=True)
+        except Exception:
+            if Path(name).is_dir():
+                raise
+            _require_on_hub(name)
+            tokenizer, network, loading = _parts(name, local_files_only=False)
     except Exception as error:  # whatever a foreign folder brings about inside the library
         problem = f"no model that can be read: {str(error).strip().splitlines()[0]:.200}"
         raise InputFileError(Path(name), problem, hint=hint) from error
@@ -161,6 +165,35 @@ def _load(name: str) -> tuple[Any, Any]:
     if network.config.is_encoder_decoder or not tokenizer.is_fast:
         raise InputFileError(Path(name), "is no encoder with a fast tokenizer", hint=hint)
     return tokenizer, network.eval().requires_grad_(False)
+
+
+def _parts(name: str, local_files_only: bool) -> tuple[Any, Any, dict[str, Any]]:
+    """Tokenizer, network, and how its loading went."""
+    from transformers import AutoModel, AutoTokenizer
+
+    settings = {"trust_remote_code": False, "local_files_only": local_files_only}
+    tokenizer = AutoTokenizer.from_pretrained(name, add_prefix_space=True, **settings)
+    # A method that holds one may be built without memory before its weights are read.
+    with torch.device("cpu"):
+        network, loading = AutoModel.from_pretrained(
+            name,
+            use_safetensors=True,
+            output_loading_info=True,
+            dtype=torch.float32,
+            **settings,
+        )
+    return tokenizer, network, loading
+
+
+def _require_on_hub(name: str) -> None:
+    """Ask once: without a network, the library's own readers try for most of a minute."""
+    from huggingface_hub import model_info
+
+    try:
+        model_info(name, timeout=_HUB_TIMEOUT_S)
+    except Exception as error:
+        told = str(error).strip().splitlines() or [type(error).__name__]
+        raise CospeechError(f"neither the cache nor the hub gives it ({told[0]})") from error
 
 
 def _digest(network: Any, tokenizer: Any) -> str:

@@ -1,9 +1,8 @@
-"""Trained systems, and what they make for held-out speech."""
+"""What trained systems make for held-out speech."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -20,23 +19,9 @@ from cospeech.speech.speech import Speech
 from cospeech.studies.multi_adversary_figures.held_out import HeldOut
 from cospeech.studies.multi_adversary_figures.measured import FPS, SystemMotion
 from cospeech.studies.multi_adversary_figures.paper import PAPER_SYSTEMS
+from cospeech.studies.trained_system import TrainedSystem
 
 _BATCH = 64
-
-
-@dataclass(frozen=True, eq=False)
-class TrainedSystem:
-    """A trained method under the name of what was left out.
-
-    Attributes:
-        name: ``"full"`` or e.g. ``"no_motion"``; `PAPER_SYSTEMS` come first in the figures.
-        seed: Of its training; several seeds of one name are one system.
-        method: A `GestureMethod` that `MakesJoints`, with its weights.
-    """
-
-    name: str
-    seed: int
-    method: GestureMethod
 
 
 def in_paper_order(systems: Sequence[TrainedSystem]) -> list[TrainedSystem]:

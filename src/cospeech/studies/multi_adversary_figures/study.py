@@ -21,7 +21,6 @@ from cospeech.motion.gesture_joints import gesture_joints
 from cospeech.reporting.record import write_json
 from cospeech.studies.multi_adversary_figures.findings import Verdict, judge
 from cospeech.studies.multi_adversary_figures.generating import (
-    TrainedSystem,
     in_paper_order,
     label_joints,
     motion_of,
@@ -44,6 +43,7 @@ from cospeech.studies.multi_adversary_figures.measured import (
 from cospeech.studies.multi_adversary_figures.measuring import measure_systems
 from cospeech.studies.multi_adversary_figures.page import write_page
 from cospeech.studies.multi_adversary_figures.tables import text_table
+from cospeech.studies.trained_system import TrainedSystem
 
 RANGE_WINDOWS = 50
 """As many as the paper's figure 11 takes; fewer where the part has fewer."""

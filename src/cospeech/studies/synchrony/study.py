@@ -20,7 +20,7 @@ from cospeech.metrics.beat_consistency import BeatClip, MotionBeats, StressedSyl
 from cospeech.metrics.encoder import GestureEncoder
 from cospeech.metrics.evaluation_windows import EvaluationWindows, to_evaluation_windows
 from cospeech.motion.motion import Motion
-from cospeech.motion.upper_body import EVALUATION_FRAMES
+from cospeech.motion.upper_body import EVALUATION_FRAMES, to_upper_body
 from cospeech.progress import progress_bar
 from cospeech.reporting.markup import markdown
 from cospeech.reporting.record import write_json
@@ -44,8 +44,8 @@ PARTNERS = 5
 _logger = logging.getLogger(__name__)
 
 SpeechToMotion = Callable[[Speech, str], Motion]
-"""From speech and the name of who speaks to upper-body motion (`UPPER_BODY`, any frame rate) that
-covers the speech exactly."""
+"""From speech and the name of who speaks to motion that covers the speech exactly, at any rate and
+on any skeleton that has the ten evaluation joints (`to_upper_body`)."""
 
 
 def synchrony(
@@ -162,7 +162,7 @@ def _generated(
         recordings,
         strict=True,
     ):
-        motion = system(speech, speaker)
+        motion = to_upper_body(system(speech, speaker))
         windows = len(to_evaluation_windows(motion))
         expected = len(to_evaluation_windows(real))
         if windows != expected:
