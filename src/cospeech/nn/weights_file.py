@@ -189,7 +189,7 @@ def filled(
             raise ValueError(f"there is no tensor {name}")
         if found.shape != tensor.shape:
             raise ValueError(f"{name} is {list(found.shape)}, not {list(tensor.shape)}")
-        if found.is_floating_point() != tensor.is_floating_point() or found.is_complex():
+        if found.is_complex() or (tensor.is_floating_point() and not found.is_floating_point()):
             raise ValueError(f"{name} holds {found.dtype}, not {tensor.dtype}")
         # A double may be finite where a single is not.
         if finite and not found.to(tensor.dtype).isfinite().all():
