@@ -5,8 +5,7 @@ See docs/facts/trinity_and_gesticulator.md, section 3.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,8 @@ from cospeech.speech.text.syllables import count_syllables
 FILLERS = ("eh", "ah", "like", "kind of")
 """What is said without meaning anything; in the order of their pseudo-sentence."""
 
-SILENCE, FILLER = -1, -2
-"""In the place of a word's index: nobody speaks, and a filler is said."""
+FILLER = -2
+"""In the place of a word's index."""
 
 TIMING_NAMES = ("elapsed", "remaining", "duration", "progress", "syllable rate")
 """The numbers beside a word's vector."""
@@ -108,50 +107,3 @@ def published_timing(word: Word, frames: NDArray[np.int64]) -> NDArray[np.float6
         count_syllables(word.text) / duration,
     )
     return np.stack(columns, axis=-1).astype(np.float64)
-
-
-@dataclass(frozen=True, eq=False)
-class SpokenWords:
-    """The words of a transcript on frames.
-
-    Attributes:
-        word: ``(F,)`` index into all sentences' words one after another, `SILENCE` or `FILLER`.
-        timing: ``(F, 5)`` elapsed and remaining time, duration, progress (0 to 1) and syllables per
-            time of what is said; zeros in silence.
-        sentences: The words that have vectors, as they go to a language model.
-    """
-
-    word: NDArray[np.int64]
-    timing: NDArray[np.float64]
-    sentences: list[list[str]]
-
-
-def published_words(words: Sequence[Word]) -> SpokenWords:
-    """The words at 10 fps with times in tenths of a second, as the published code places them.
-
-    Nothing follows the last word.
-    """
-    sentences = Sentences(is_published_filler)
-    complete = list[list[str]]()
-    placed = list[NDArray[np.int64]]()
-    timing = list[NDArray[np.float64]]()
-    count = 0
-    for word in words:
-        index, sentence = sentences.add(word.text)
-        complete += [] if sentence is None else [sentence]
-        frames = np.array(published_frames(word, count), dtype=np.int64)
-        first = max(count, int(10 * word.start))
-        silent = first - count
-        placed += [np.full(silent, SILENCE), np.full(len(frames), index)]
-        timing.append(np.zeros((silent, len(TIMING_NAMES))))
-        if len(frames):
-            timing.append(published_timing(word, frames))
-        count = first + len(frames)
-    last = sentences.end()
-    complete += [] if last is None else [last]
-    nothing = np.zeros((0, len(TIMING_NAMES)))
-    return SpokenWords(
-        np.concatenate([np.zeros(0, dtype=np.int64), *placed]),
-        np.concatenate([nothing, *timing]),
-        complete,
-    )
