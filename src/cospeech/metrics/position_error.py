@@ -5,32 +5,22 @@ from __future__ import annotations
 from torch import Tensor
 
 from cospeech.metrics.evaluation_windows import EvaluationWindows
-from cospeech.metrics.functional import SEED_FRAMES, position_error, root_mean_square_error
-from cospeech.metrics.window_metric import MeanOverWindows
+from cospeech.metrics.functional import position_error, root_mean_square_error
+from cospeech.metrics.window_metric import PositionMetric
 from cospeech.motion.upper_body import MOVING_JOINTS
 
 
-class AveragePositionError(MeanOverWindows):
-    """Mean distance of the nine joints that can move from where they were recorded (APE).
+class AveragePositionError(PositionMetric):
+    """Mean distance of the nine joints that can move from where they were recorded (APE)."""
 
-    Args:
-        seed_frames: Leading frames that were given to the method and are left out.
-    """
-
-    title, unit = "position error", "m"
-    higher_is_better = False
-    plot_lower_bound = 0.0
-
-    def __init__(self, seed_frames: int = SEED_FRAMES) -> None:
-        super().__init__()
-        self.seed_frames = seed_frames
+    title = "position error"
 
     def mean(self, generated: EvaluationWindows, real: EvaluationWindows) -> Tensor:
         """As `position_error`."""
         return position_error(_moving(generated), _moving(real), self.seed_frames).mean()
 
 
-class RootMeanSquareError(AveragePositionError):
+class RootMeanSquareError(PositionMetric):
     """Mean over windows of the root of the mean squared distance of the same joints (RMSE)."""
 
     title = "RMSE"

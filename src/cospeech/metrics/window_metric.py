@@ -11,6 +11,7 @@ from torch import Tensor
 from torchmetrics import Metric
 
 from cospeech.metrics.evaluation_windows import EvaluationWindows
+from cospeech.metrics.functional import SEED_FRAMES
 
 Comparison = Literal["pairs", "sets", "nothing"]
 """What windows are compared with."""
@@ -94,3 +95,19 @@ class MeanOverWindows(WindowMetric):
     def compute(self) -> Tensor:
         """The mean, a float64 scalar."""
         return self.total / self.count
+
+
+class PositionMetric(MeanOverWindows):
+    """How far positions are from what was recorded; a subclass says how that is measured.
+
+    Args:
+        seed_frames: Leading frames that were given to the method and are left out.
+    """
+
+    unit = "m"
+    higher_is_better = False
+    plot_lower_bound = 0.0
+
+    def __init__(self, seed_frames: int = SEED_FRAMES) -> None:
+        super().__init__()
+        self.seed_frames = seed_frames
