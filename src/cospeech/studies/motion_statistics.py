@@ -96,7 +96,7 @@ def motion_statistics(
         )
     recorded = [_moving(store.upper_body_motion(span).positions) for span in spans]
     motions = {RECORDED: (recorded, recorded)}
-    for system in sorted(systems, key=lambda one: (one.name != "full", one.name, one.seed)):
+    for system in sorted(systems, key=lambda one: (one.name, one.seed)):
         made, real = motions.setdefault(system.name, ([], []))
         title = f"generating {split} recordings with {system.name}, seed {system.seed}"
         for motion, own in zip(

@@ -75,8 +75,8 @@ _LACKING: Mapping[FieldSource, tuple[str, str]] = {
     "sound": ("sound", "use a corpus with audio, or a method that reads none"),
     "words": (
         "transcripts",
-        "put one beside each sound file (.TextGrid, .json, .tsv ...), or train on sound alone:"
-        " model.text=none for model=gesticulator",
+        "put one beside each sound file (.TextGrid, .json, .tsv ...), or train a method on sound"
+        " alone that can: model.text=none",
     ),
     "speaker": ("speakers", "use a corpus that says who speaks, or a method that doesn't ask"),
     "search": (
