@@ -83,7 +83,7 @@ def test_a_published_checkpoint_loads_without_its_classes(tmp_path, monkeypatch,
     assert import_published_discriminator(str(path)).gru.hidden_size == 8
     loaded = read_published(path)
     assert loaded["epoch"] == 93
-    assert loaded["lang_model"].word2index == {"hello": 4}
+    assert loaded["lang_model"].state["word2index"] == {"hello": 4}
     assert "published_vocabulary" not in sys.modules
 
 

@@ -81,6 +81,26 @@ def save(content: dict[str, Any], path: Path) -> None:
             raise reason or error from None
 
 
+class StandIn:
+    """Stands for an object of a class that isn't known, or for a call: keeps what it was given.
+
+    Attributes:
+        arguments: Of the call, in order, classes apart.
+        state: What the object would have held; None where the file has none.
+    """
+
+    def __new__(cls, *arguments: Any, **named: Any) -> StandIn:
+        """Ignore whatever the pickle passes."""
+        return super().__new__(cls)
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        self.arguments = [value for value in arguments if not isinstance(value, type)]
+        self.state: Any = None
+
+    def __setstate__(self, state: Any) -> None:
+        self.state = state
+
+
 def read_weights(
     path: str | Path,
     hint: str,
@@ -88,7 +108,7 @@ def read_weights(
     kind: str = "weights",
     largest_bytes: int = LARGEST_FILE_BYTES,
     allowed: Sequence[type] = (),
-    stand_in: type | None = None,
+    stand_in: bool = False,
     dictionaries: Collection[str] = (),
 ) -> dict[str, Any]:
     """Read what `write_weights` or `torch.save` wrote, on the CPU; nothing that it names runs.
@@ -103,8 +123,8 @@ def read_weights(
         largest_bytes: Larger files are refused.
         allowed: Classes that may occur besides tensors and plain values; their attributes are to
             be plain too.
-        stand_in: Takes the place of any other class or function, of which nothing runs; None
-            refuses files that name one.
+        stand_in: Put a `StandIn` in the place of any other class or function, of which nothing
+            runs; else files that name one are refused.
         dictionaries: Names of subclasses of `dict`, which are read as ordered dictionaries.
 
     Raises:
@@ -126,12 +146,12 @@ def read_weights(
         classes: list[Any] = list(allowed)
         names = {f"{one.__module__}.{one.__qualname__}" for one in allowed}
         unknown = sorted(_names_in(file, dictionaries) - _KNOWN - names - set(dictionaries))
-        if stand_in is None:
-            refused = unknown
-        else:
+        if stand_in:
             # What torch knows it would not replace.
             refused = [name for name in unknown if name.startswith(("torch.", "builtins."))]
-            classes += [(stand_in, name) for name in unknown]
+            classes += [(StandIn, name) for name in unknown]
+        else:
+            refused = unknown
         classes += [(OrderedDict, name) for name in dictionaries]
         if refused:
             raise ValueError(f"it names {refused[0][:100]!r}, which has no place in {kind}")
@@ -143,7 +163,7 @@ def read_weights(
         if not isinstance(content, dict):
             problem = f"holds a {type(content).__name__}, not a dictionary of {kind}"
             raise InputFileError(path, problem, hint=hint)
-        objects = (*allowed, *(() if stand_in is None else (stand_in,)))
+        objects = (*allowed, *((StandIn,) if stand_in else ()))
         _require_bounded(content, size, objects)
         copied: dict[str, Any] = _copied(content)
     return copied

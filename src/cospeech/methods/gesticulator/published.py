@@ -20,7 +20,7 @@ from cospeech.foreign import understood
 from cospeech.methods.gesticulator.inputs import Audio
 from cospeech.methods.gesticulator.module import Gesticulator
 from cospeech.methods.gesticulator.networks import GesticulatorNetwork
-from cospeech.nn.weights_file import filled, read_weights
+from cospeech.nn.weights_file import StandIn, filled, read_weights
 
 PUBLISHED_LAYERS = {
     "first_layer.0": "first_layer.0",
@@ -66,21 +66,6 @@ class PublishedNetwork(NamedTuple):
     mean_pose: Tensor
 
 
-class _StandIn:
-    """Stands for an object of a class we don't know, or a call: keeps what it was given."""
-
-    def __new__(cls, *arguments: Any, **named: Any) -> _StandIn:
-        """Ignore whatever the pickle passes."""
-        return super().__new__(cls)
-
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        self.arguments = [value for value in arguments if not isinstance(value, type)]
-        self.state: Any = None
-
-    def __setstate__(self, state: Any) -> None:
-        self.state = state
-
-
 def our_name(published: str) -> str | None:
     """What a tensor of the published network is called here; None for one that is never used.
 
@@ -114,7 +99,7 @@ def read_published(path: str | Path, output_times_pi: bool = False) -> Published
             the published default configuration.
     """
     content = read_weights(
-        path, _PUBLISHED, kind="checkpoint", stand_in=_StandIn, dictionaries=_DICTIONARIES
+        path, _PUBLISHED, kind="checkpoint", stand_in=True, dictionaries=_DICTIONARIES
     )
     with understood(path, "a published Gesticulator", _PUBLISHED):
         state, settings = content.get("state_dict"), content.get("hyper_parameters")
@@ -204,7 +189,7 @@ def _numbers(value: Any, count: int) -> Tensor:
     Raises:
         ContentError: It isn't one of finite numbers, of that length.
     """
-    if isinstance(value, _StandIn):
+    if isinstance(value, StandIn):
         value = _array(value)
     if isinstance(value, list) and all(type(one) in (float, int) for one in value):
         value = torch.tensor(value, dtype=torch.float64)
@@ -216,10 +201,10 @@ def _numbers(value: Any, count: int) -> Tensor:
     raise ContentError(f"its mean_pose is no vector of {count} finite numbers", hint=_PUBLISHED)
 
 
-def _array(pickled: _StandIn) -> Tensor | None:
+def _array(pickled: StandIn) -> Tensor | None:
     """What NumPy would make of its pickled array of floats; None of anything else."""
     match pickled.state:
-        case (int(), tuple(shape), _StandIn(arguments=[str(kind), *_], state=order), _, bytes(raw)):
+        case (int(), tuple(shape), StandIn(arguments=[str(kind), *_], state=order), _, bytes(raw)):
             pass
         case _:
             return None

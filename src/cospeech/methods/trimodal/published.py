@@ -18,7 +18,7 @@ from cospeech.methods.trimodal.networks import (
     Generator,
     Style,
 )
-from cospeech.nn.weights_file import Network, filled, read_weights
+from cospeech.nn.weights_file import Network, StandIn, filled, read_weights
 
 MAX_BYTES = 2 * 2**30
 """Largest checkpoint read; the published ones are about 0.1 GB."""
@@ -27,28 +27,10 @@ MAX_BYTES = 2 * 2**30
 _PUBLISHED = "give a checkpoint that the published code wrote"
 
 
-class Placeholder:
-    """Stands for an object of a class we don't know: takes any state, does nothing.
-
-    Published checkpoints hold their command line and vocabularies as pickled objects.
-    """
-
-    def __new__(cls, *args: Any, **kwargs: Any) -> Placeholder:
-        """Ignore whatever the pickle passes."""
-        return super().__new__(cls)
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        pass
-
-    def __setstate__(self, state: Any) -> None:
-        if isinstance(state, dict):
-            self.__dict__.update({str(name): value for name, value in state.items()})
-
-
 def read_published(path: str | Path) -> dict[str, Any]:
     """The dictionary in a published checkpoint, by torch's restricted loader.
 
-    Every class or function that torch doesn't allow by itself is replaced by `Placeholder`, so
+    Every class or function that torch doesn't allow by itself is replaced by a `StandIn`, so
     nothing is imported or called on the checkpoint's behalf.
 
     Raises:
@@ -59,7 +41,7 @@ def read_published(path: str | Path) -> dict[str, Any]:
         _PUBLISHED,
         kind="checkpoint",
         largest_bytes=MAX_BYTES,
-        stand_in=Placeholder,
+        stand_in=True,
     )
 
 
@@ -151,13 +133,17 @@ def _select(
     """State dict and training arguments (empty when unknown)."""
     if isinstance(checkpoint, str | Path):
         checkpoint = read_published(checkpoint)
-    arguments = vars(checkpoint["args"]) if hasattr(checkpoint.get("args"), "__dict__") else {}
+    arguments = checkpoint.get("args")
+    if isinstance(arguments, StandIn):  # of a file
+        arguments = arguments.state
+    elif hasattr(arguments, "__dict__"):
+        arguments = vars(arguments)
     state = checkpoint.get(key, checkpoint)
     if state is None or not all(isinstance(value, Tensor) for value in state.values()):
         raise CospeechError(
             f"the checkpoint holds no state dict under {key!r}; keys: {sorted(checkpoint)[:10]}"
         )
-    return state, arguments
+    return state, arguments if isinstance(arguments, dict) else {}
 
 
 def _layers(state: Mapping[str, Tensor]) -> int:
