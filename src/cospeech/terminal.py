@@ -64,6 +64,8 @@ def keep_printing() -> None:
         stream = getattr(sys, name)
         if stream is None or stream is not getattr(sys, f"__{name}__"):
             continue  # closed, or taken over by whoever imported us
+        with suppress(OSError, ValueError):
+            stream.flush()  # else what it holds would come after all that follows
         try:
             raw = _KeepsGoing(stream.fileno(), "w", closefd=False)
         except (OSError, ValueError):
