@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
+from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from lightning import Trainer
 
@@ -86,7 +87,12 @@ def store(tmp_path_factory):
 
 def build(name: str, store):
     torch.manual_seed(0)
-    return instantiate(model_config(name), corpus=store.facts(), _convert_="all")
+    try:
+        return instantiate(model_config(name), corpus=store.facts(), _convert_="all")
+    except InstantiationException as error:
+        if "need the extra" in str(error.__cause__):
+            pytest.skip(f"{name}: {str(error.__cause__).splitlines()[0]}")
+        raise
 
 
 def loader(model, store, split="train"):

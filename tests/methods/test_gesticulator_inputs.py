@@ -5,12 +5,13 @@ import pytest
 from lightning import Trainer
 
 from cospeech.corpus.facts import placeholder_facts
-from cospeech.errors import ConfigError, InputFileError
+from cospeech.errors import ConfigError, CospeechError, InputFileError
 from cospeech.experiment.finished_run import load
 from cospeech.methods.gesticulator import Gesticulator
 from cospeech.methods.gesticulator import inputs as gesticulator_inputs
 from cospeech.methods.gesticulator.inputs import speech_inputs
 from cospeech.speech.speech import Speech
+from cospeech.speech.text import contextual
 from tests.runs import METHODS, Outputs
 
 SILENT = {
@@ -18,6 +19,20 @@ SILENT = {
     "mfcc": [np.log(np.finfo(float).eps), *[0.0] * 25],
     "prosody": [0.0] * 4,
 }
+
+
+@pytest.fixture(autouse=True)
+def without_the_extra(monkeypatch):
+    """No vector is asked for here, so it needn't be installed."""
+    monkeypatch.setattr(gesticulator_inputs, "require_extra", lambda: None)
+
+
+def test_without_the_extra_it_is_told_when_the_method_is_built(monkeypatch):
+    monkeypatch.setattr(contextual, "find_spec", lambda name: None)
+    monkeypatch.setattr(gesticulator_inputs, "require_extra", contextual.require_extra)
+    with pytest.raises(CospeechError, match="need the extra 'text'"):
+        Gesticulator(placeholder_facts())
+    Gesticulator(placeholder_facts(), text="none")
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from cospeech.corpus.features.spoken_words import silence, spoken_words
 from cospeech.corpus.features.word_vectors import Packaged
 from cospeech.errors import ConfigError, InputFileError, require_choice
 from cospeech.speech.speech import SAMPLE_RATE, Speech
-from cospeech.speech.text.contextual import ContextualVectors
+from cospeech.speech.text.contextual import ContextualVectors, require_extra
 from cospeech.speech.text.vectors import StaticVectors, WordVectors
 
 Audio = Literal["spectrogram", "mfcc", "prosody", "mfcc_prosody", "spectrogram_prosody", "none"]
@@ -132,6 +132,7 @@ def _provider(
             raise InputFileError(word_vectors, problem, hint=hint)
         return StaticVectors(word_vectors, words)
     if language_model is None:
+        require_extra()  # which is read when the first vector is asked for
         return Packaged(special_tokens)
     try:
         return ContextualVectors(language_model, special_tokens=special_tokens)

@@ -28,6 +28,19 @@ MOST_PIECES = 256
 _HUB_TIMEOUT_S = 10.0
 
 
+def require_extra(model: str | Path | None = None) -> None:
+    """Refuse contextual vectors where the extra isn't installed, before anything slow.
+
+    Args:
+        model: See `ContextualVectors`.
+
+    Raises:
+        CospeechError: It isn't.
+    """
+    if find_spec("transformers") is None or (model is None and find_spec(PACKAGED) is None):
+        raise CospeechError("contextual word vectors need the extra 'text'", INSTALL)
+
+
 class ContextualVectors:
     """The last layer of a `transformers` encoder, the mean over the pieces of each word.
 
@@ -57,8 +70,7 @@ class ContextualVectors:
     def __init__(
         self, model: str | Path | None = None, device: str = "cpu", special_tokens: bool = True
     ) -> None:
-        if find_spec("transformers") is None or (model is None and find_spec(PACKAGED) is None):
-            raise CospeechError("contextual word vectors need the extra 'text'", INSTALL)
+        require_extra(model)
         folder = _packaged() if model is None else Path(model)
         name = str(folder) if folder.is_dir() else str(model)
         self._tokenizer, network = _load(name)
