@@ -107,7 +107,9 @@ def test_manifest_values_of_other_types(store, tmp_path, change):
     assert "it will be rebuilt" in caught.value.hint
 
 
-@pytest.mark.parametrize(("fact", "value"), [("rows", 1), ("width", 7), ("dtype", "O")])
+@pytest.mark.parametrize(
+    ("fact", "value"), [("rows", 1), ("width", 7), ("width", True), ("width", 1.0), ("dtype", "O")]
+)
 def test_streams_are_as_wide_and_long_as_their_recordings(store, tmp_path, fact, value):
     folder = shutil.copytree(store.path, tmp_path / "s")
     manifest = json.loads((folder / "manifest.json").read_text())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -142,7 +143,8 @@ def _check_streams(manifest: dict[str, Any], count: int) -> None:
         fits = _all_of(rows, int) and len(rows) == count and min(rows, default=0) >= 0
         _require(fits, f"{count} counts", f"rows.{stream}")
         facts = {"dtype": dtype, "width": width, "rows": sum(rows)}
-        _require(manifest["streams"][stream] == facts, str(facts), f"streams.{stream}")
+        told = json.dumps(manifest["streams"][stream], sort_keys=True)  # where true isn't 1
+        _require(told == json.dumps(facts, sort_keys=True), str(facts), f"streams.{stream}")
     _require(manifest["streams"].keys() == STREAMS.keys(), f"{', '.join(STREAMS)}", "streams")
     rows, columns = manifest["rows"], manifest["recordings"]
     joints = [len(manifest["skeletons"][index]["joints"]) for index in columns["skeleton"]]
