@@ -6,6 +6,7 @@ import logging
 from dataclasses import replace
 from typing import Any, ClassVar, cast, get_args
 
+import numpy as np
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
 from torch import Tensor
@@ -81,6 +82,7 @@ class Gesticulator(GestureMethod):
         conditioning_tanh: A tanh after the conditioning, as published.
         head_layer: A further layer before the last, as published.
         initialisation: ``"fan_product"`` as published, or ``"he"``.
+        standardise_speech: Standardise what is heard and read by the training speech.
         published_hop: Spectrogram frames of 1102 samples, which drift against motion, as published.
         published_timing: Text at 10 frames per second in tenths of a second, as published.
         learning_rate: Adam's.
@@ -121,6 +123,7 @@ class Gesticulator(GestureMethod):
         conditioning_tanh: bool = True,
         head_layer: bool = True,
         initialisation: Initialisation = "fan_product",
+        standardise_speech: bool = False,
         published_hop: bool = True,
         published_timing: bool = True,
         learning_rate: float = 1e-4,
@@ -163,6 +166,7 @@ class Gesticulator(GestureMethod):
             conditioning_tanh,
             head_layer,
             initialisation,
+            standardise_speech,
         )
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
@@ -186,7 +190,7 @@ class Gesticulator(GestureMethod):
             )
 
     def on_train_start(self) -> None:
-        """Take the mean pose of the training motion, which motion begins from."""
+        """Take the mean pose of the training motion, which motion begins from, and the scales."""
         lacking = [name for name, own in zip(JOINTS, self.codec.joints, strict=True) if own is None]
         if lacking:
             told = self.codec.skeleton.name, len(JOINTS) - len(lacking), ", ".join(lacking)
@@ -194,6 +198,12 @@ class Gesticulator(GestureMethod):
         loader = self.trainer.train_dataloader
         assert isinstance(loader, WindowLoader)
         assert isinstance(loader.dataset, WindowDataset)
+        if self.network.standardised is not None:
+            first = 0
+            for field in self.fields:
+                frames = np.asarray(loader.dataset.every_frame(field.name), dtype=np.float32)
+                self.network.standardised.fit(first, torch.from_numpy(frames).to(self.device))
+                first += frames.shape[1]
         rotations = torch.from_numpy(loader.dataset.every_frame("rotations")).to(self.device)
         self.codec.fit(rotations)
         cast(Tensor, self.mean_pose).copy_(self.codec.encode(rotations).mean(dim=0))

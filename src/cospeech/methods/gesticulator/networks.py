@@ -38,6 +38,36 @@ class Block(nn.Sequential):
         return cast(nn.Linear, self[0])
 
 
+class Standardised(nn.Module):
+    """Numbers less their mean in training, divided by their standard deviation there.
+
+    Args:
+        size: How many.
+    """
+
+    mean: Tensor
+    deviation: Tensor
+
+    def __init__(self, size: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(size))
+        self.register_buffer("deviation", torch.ones(size))
+
+    def fit(self, first: int, values: Tensor) -> None:
+        """Take mean and deviation of ``(N, C)`` values of the numbers from ``first`` on.
+
+        What never changes is divided by one.
+        """
+        deviation, mean = torch.std_mean(values, dim=0, correction=0)
+        here = slice(first, first + values.shape[1])
+        self.mean[here] = mean
+        self.deviation[here] = torch.where(deviation > 1e-6, deviation, 1.0)
+
+    def forward(self, values: Tensor) -> Tensor:
+        """``(..., size)`` to the same shape."""
+        return (values - self.mean) / self.deviation
+
+
 class GesticulatorNetwork(nn.Module):
     """Speech features and the last three poses to the next pose.
 
@@ -54,6 +84,8 @@ class GesticulatorNetwork(nn.Module):
             none.
         initialisation: ``"fan_product"`` divides by the product of inputs and outputs, as
             published, which makes an almost constant network; ``"he"`` by the inputs.
+        standardise: Standardise frames of speech before they are encoded; as published they come as
+            they are, -12 in a silent band and -15 in every number of a word that isn't there.
 
     Raises:
         ConfigError: An unknown choice.
@@ -69,13 +101,16 @@ class GesticulatorNetwork(nn.Module):
         conditioning_tanh: bool = True,
         head_layer: bool = True,
         initialisation: Initialisation = "fan_product",
+        standardise: bool = False,
     ) -> None:
         super().__init__()
         require_choice("model.conditioning", conditioning, get_args(Conditioning))
         require_choice("model.initialisation", initialisation, get_args(Initialisation))
         self.speech_size, self.pose_size, self.conditioning = speech_size, pose_size, conditioning
         self.encode_frame = nn.Sequential(
-            Block(speech_size, FRAME_SIZES[0], dropout), Block(*FRAME_SIZES, dropout)
+            *([Standardised(speech_size)] if standardise else []),
+            Block(speech_size, FRAME_SIZES[0], dropout),
+            Block(*FRAME_SIZES, dropout),
         )
         self.reduce = Block((PAST + 1 + AHEAD) * FRAME_SIZES[1], REDUCED_SIZE, dropout)
         self.first_layer = Block(REDUCED_SIZE, HIDDEN_SIZE, dropout)
@@ -90,6 +125,12 @@ class GesticulatorNetwork(nn.Module):
             self.head = Block(self.hidden_size, pose_size, dropout)
         self.last = nn.Linear(pose_size if head_layer else self.hidden_size, pose_size)
         self._initialise(initialisation)
+
+    @property
+    def standardised(self) -> Standardised | None:
+        """What is done to frames of speech first, if anything."""
+        first = self.encode_frame[0]
+        return first if isinstance(first, Standardised) else None
 
     def _initialise(self, rule: Initialisation) -> None:
         dense = [self.reduce.linear, self.first_layer.linear, self.last]
