@@ -11,6 +11,7 @@ from cospeech.corpus.splits import Span
 from cospeech.corpus.window_loader import WindowLoader, open_windows
 from cospeech.evaluation import standard_catalogue
 from cospeech.methods.gesticulator import Gesticulator
+from cospeech.methods.gesticulator.networks import Standardised
 from tests.corpora import make_recording, make_store
 from tests.fabricated.mocap import TRINITY_BODY, swinging
 
@@ -73,3 +74,37 @@ def test_training_in_components_goes_on_to_the_bit(store, tmp_path):
     resumed, _, _ = trained(store, tmp_path, 2, tmp_path / "first.ckpt", **settings)
     for name, value in whole.state_dict().items():
         assert torch.equal(value, resumed.state_dict()[name]), name
+
+
+def test_speech_is_standardised_by_the_training_speech_and_a_checkpoint_holds_it(store, tmp_path):
+    settings = {"audio": "spectrogram_prosody", "standardise_speech": True, "initialisation": "he"}
+    method, trainer, dataset = trained(store, tmp_path, **settings)
+    names = ("mel_gesticulator", "prosody_gesticulator")
+    assert [field.name for field in method.fields] == list(names)
+    frames = np.concatenate([dataset.every_frame(name) for name in names], axis=1)
+    scales = method.network.standardised
+    np.testing.assert_allclose(scales.mean, frames.mean(axis=0), rtol=1e-4, atol=1e-4)
+    moving = frames.std(axis=0) > 1e-6
+    np.testing.assert_allclose(scales.deviation[moving], frames.std(axis=0)[moving], rtol=1e-3)
+    assert (scales.deviation[~moving] == 1).all()
+
+    heard = torch.from_numpy(frames[:60])
+    with torch.no_grad():
+        first, second = method.network.encode_frame[1:]
+        by_hand = second(first((heard - scales.mean) / scales.deviation))
+        torch.testing.assert_close(method.network.eval().encode_frame(heard), by_hand)
+    path = tmp_path / "model.ckpt"
+    trainer.save_checkpoint(path)
+    loaded = Gesticulator.load_from_checkpoint(path, weights_only=True)
+    speech = store.speech(Span(0, 0, 60))
+    motions = [one.generate(speech).positions for one in (method, loaded)]
+    np.testing.assert_array_equal(*motions)
+    scales.mean += 1.0
+    assert np.abs(method.generate(speech).positions - motions[0]).max() > 1e-4
+
+
+def test_numbers_that_never_change_are_divided_by_one():
+    scales = Standardised(3)
+    scales.fit(1, torch.tensor([[2.0, -15.0], [4.0, -15.0]]))
+    made = scales(torch.tensor([[7.0, 3.0, -14.0]]))
+    torch.testing.assert_close(made, torch.tensor([[7.0, 0.0, 1.0]]))
