@@ -10,7 +10,8 @@ from torch import nn
 def evaluating(network: nn.Module) -> Iterator[None]:
     """The network in eval mode inside, and afterwards as it was."""
     training = network.training
-    network.eval()
+    if any(module.training for module in network.modules()):  # looking is cheaper than setting
+        network.eval()
     try:
         yield
     finally:

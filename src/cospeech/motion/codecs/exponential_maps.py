@@ -87,3 +87,6 @@ class ExponentialMapCodec(RotationCodec):
 
     def _matrices(self, features: Tensor) -> Tensor:
         return matrices_of_quaternions(quaternions_of_exponential_maps(features))
+
+    def _quaternions(self, features: Tensor) -> Tensor:
+        return quaternions_of_exponential_maps(features)

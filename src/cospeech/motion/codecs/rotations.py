@@ -6,9 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from itertools import pairwise
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from torch import Tensor, nn
 
@@ -87,6 +85,7 @@ class RotationCodec(nn.Module, ABC):
         self._columns = [column for column, _ in known]
         self._indices = [index for _, index in known]
         self._levels = _levels(skeleton)
+        self._place_by_level = torch.cat([joints for joints, _ in self._levels]).argsort()
         self.register_buffer("offsets", torch.tensor(skeleton.offsets, dtype=torch.float32))
         self.register_buffer("others", torch.tensor([0.0, 0.0, 0.0, 1.0]).repeat(len(skeleton), 1))
 
@@ -102,6 +101,12 @@ class RotationCodec(nn.Module, ABC):
     @abstractmethod
     def _matrices(self, features: Tensor) -> Tensor:
         """Rotation matrices ``(..., C, 3, 3)`` of `_features`."""
+
+    def _quaternions(self, features: Tensor) -> Tensor:
+        """Unit quaternions ``(..., C, 4)`` of `_features`."""
+        matrices = self._matrices(features).double().cpu()
+        turns = Rotation.from_matrix(matrices.reshape(-1, 3, 3).numpy())
+        return torch.from_numpy(turns.as_quat()).view(*matrices.shape[:-2], 4)
 
     @torch.no_grad()
     def fit(self, rotations_local: Tensor) -> None:
@@ -126,13 +131,21 @@ class RotationCodec(nn.Module, ABC):
 
     def decode_rotations(self, features: Tensor) -> Tensor:
         """Local rotation matrices ``(..., J, 3, 3)`` of every joint."""
-        coded = self._matrices(features.unflatten(-1, (len(self.joints), self.values_per_joint)))
-        others = matrices_of_quaternions(self.others).to(features.dtype)
-        others = others.expand(*features.shape[:-1], -1, -1, -1)
+        coded = self._matrices(self._by_joint(features))
+        return self._every_joint(coded, matrices_of_quaternions(self.others))
+
+    def _by_joint(self, features: Tensor) -> Tensor:
+        return features.unflatten(-1, (len(self.joints), self.values_per_joint))
+
+    def _every_joint(self, coded: Tensor, others: Tensor) -> Tensor:
+        """``(..., J, *rotation)`` of ``(..., C, *rotation)`` coded ones and ``(J, *rotation)``."""
+        joint_dim = coded.dim() - others.dim()
+        others = others.to(coded).expand(*coded.shape[:joint_dim], *others.shape)
         sources = list(range(len(self.joints), len(self.joints) + len(self.skeleton)))
         for column, joint in zip(self._columns, self._indices, strict=True):
             sources[joint] = column
-        return torch.cat([coded, others], dim=-3)[..., sources, :, :]
+        index = torch.tensor(sources, device=coded.device)
+        return torch.cat([coded, others], dim=joint_dim).index_select(joint_dim, index)
 
     def decode(self, features: Tensor, root_positions: Tensor | None = None) -> Tensor:
         """Positions ``(..., J, 3)`` in metres of features ``(..., size)``.
@@ -154,8 +167,7 @@ class RotationCodec(nn.Module, ABC):
             bones = (turns @ offsets[joints, :, None]).squeeze(-1)
             positions.append(positions[-1][..., above, :] + bones)
             world = turns @ local[..., joints, :, :]
-        order = torch.cat([joints for joints, _ in self._levels])
-        return torch.cat(positions, dim=-2)[..., order.argsort(), :]
+        return torch.cat(positions, dim=-2)[..., self._place_by_level, :]
 
     @torch.no_grad()
     def motion(self, features: Tensor, fps: float, root_positions: Tensor | None = None) -> Motion:
@@ -167,11 +179,10 @@ class RotationCodec(nn.Module, ABC):
             root_positions: ``(T, 3)``, as for `decode`.
         """
         local = self.decode_rotations(features)
-        matrices = local.double().cpu().numpy()
-        rotations: NDArray[np.float64] = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat()
+        rotations = self._every_joint(self._quaternions(self._by_joint(features)), self.others)
         return Motion(
             self.skeleton,
             fps,
             self._posed(local, root_positions).float().cpu().numpy(),
-            rotations.reshape(*matrices.shape[:2], 4).astype(np.float32),
+            rotations.float().cpu().numpy(),
         )
