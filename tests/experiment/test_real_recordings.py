@@ -68,7 +68,6 @@ def test_gesticulator_learns_a_minute_by_heart(corpus, text, shared, tmp_path):
         "experiment=gesticulator_quick",
         f"model.text={text}",
         "model.schedule=forced",
-        "model.initialisation=he",
         "model.dropout=0",
         "model.conditioning_dropout=0",
         *SHORT,
@@ -90,7 +89,7 @@ def test_gesticulator_learns_a_minute_by_heart(corpus, text, shared, tmp_path):
     poses = codec.encode(torch.from_numpy(motion.rotations_local))
     variance = float(poses.var(dim=0).mean())
     assert last < 0.1 * first
-    assert last < 0.7 * variance
+    assert last < 0.3 * variance
     assert np.isfinite(record["final"]["recordings"]["fgd"])
 
 

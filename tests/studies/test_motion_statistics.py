@@ -60,7 +60,7 @@ def test_of_a_whole_skeleton_the_ten_joints_are_measured(tmp_path):
     assert min(found["ten"]["per_recording"]["speed"]) > 0
 
 
-def test_runs_of_one_name_are_one_system(tmp_path):
+def test_runs_of_one_name_are_one_system(tmp_path, capsys):
     store = make_store(tmp_path)
     systems = [TrainedSystem("full", 0, Sliding()), TrainedSystem("full", 1, Still())]
     found = motion_statistics(store, systems, "train", tmp_path)["systems"]
@@ -69,6 +69,12 @@ def test_runs_of_one_name_are_one_system(tmp_path):
     np.testing.assert_allclose(speeds, 4 * [1.9] + 4 * [0], rtol=1e-4)
     assert len(found["full"]["per_recording"]["rmse"]) == 8
     assert len(found["recorded"]["per_recording"]["speed"]) == 4
+    np.testing.assert_allclose(found["full"]["by_seed"]["speed"], [1.9, 0], rtol=1e-4)
+    # half the difference of two values, times Student's 12.706 of one degree of freedom
+    table = capsys.readouterr().out.split("95 % of the mean over seeds")[1]
+    (row,) = [line for line in table.splitlines() if line.startswith("full")]
+    assert row.split()[1:6] == ["2", "0.95", "(-11.1", "to", "13)"]
+    assert "recorded  " not in table
 
 
 def test_a_run_beside_what_was_recorded(tmp_path, capsys):
@@ -107,6 +113,7 @@ def test_a_run_beside_what_was_recorded(tmp_path, capsys):
     assert "speed, m/s" in printed
     assert "jerk, cm/frame³" in printed
     assert "1.9" in printed
+    assert "over seeds" not in printed
 
 
 def test_both_conventions_differ_by_the_rate_and_the_unit():

@@ -21,7 +21,7 @@ from cospeech.motion.upper_body import EVALUATION_FPS, MOVING_JOINTS, UPPER_BODY
 from cospeech.reporting.charts import SERIES, chart_style, colour, new_figure, save_picture
 from cospeech.reporting.markup import one_line
 from cospeech.reporting.record import write_json
-from cospeech.reporting.tables import Column, format_table, summarise
+from cospeech.reporting.tables import Column, format_table, format_value, summarise
 from cospeech.studies.trained_system import TrainedSystem
 
 if TYPE_CHECKING:
@@ -56,10 +56,17 @@ class SystemStatistics:
             generated motion ``rmse``, ``position_error`` and ``joint_mae`` in centimetres.
         histograms: ``speed`` and ``acceleration`` of the wrists -> `BINS` + 1 counts, of which the
             last is of what is beyond.
+        seeds: Trainings that the values are of, one after another.
     """
 
     per_recording: Mapping[str, Sequence[float]]
     histograms: Mapping[str, NDArray[np.int64]]
+    seeds: int = 1
+
+    def by_seed(self, name: str) -> list[float]:
+        """The mean over recordings of each training."""
+        means = np.reshape(self.per_recording[name], (self.seeds, -1)).mean(axis=1)
+        return [float(mean) for mean in means]
 
 
 def motion_statistics(
@@ -72,8 +79,9 @@ def motion_statistics(
     """Measure how strongly runs' motion is moved, beside recorded motion of the same speech.
 
     The motion is that of the recordings protocol. Prints a table of means and standard deviations
-    over recordings and writes ``motion_statistics.json`` and ``motion_statistics.png``: histograms
-    of the wrists' speed and acceleration, with what is beyond the last bin.
+    over recordings, of several seeds another with 95 % of their mean, and writes
+    ``motion_statistics.json`` and ``motion_statistics.png``: histograms of the wrists' speed and
+    acceleration, with what is beyond the last bin.
 
     Args:
         store: The corpus of the runs.
@@ -107,7 +115,7 @@ def motion_statistics(
             made.append(_moving(positions[:frames]))
             real.append(own[:frames])
     measured = {
-        name: measure_motion(made, None if name == RECORDED else real)
+        name: measure_motion(made, None if name == RECORDED else real, len(made) // len(spans))
         for name, (made, real) in motions.items()
     }
     result: dict[str, Any] = {
@@ -122,6 +130,7 @@ def motion_statistics(
         "systems": {
             name: {
                 "per_recording": dict(system.per_recording),
+                "by_seed": {key: system.by_seed(key) for key in system.per_recording},
                 "histograms": {key: h.tolist() for key, h in system.histograms.items()},
             }
             for name, system in measured.items()
@@ -131,6 +140,8 @@ def motion_statistics(
     picture = folder / "motion_statistics.png"
     plot_motion_statistics(measured, f"{store.name}, {split}", picture)
     print(statistics_table(measured))
+    if any(system.seeds > 1 for system in measured.values()):
+        print(f"\n{seeds_table(measured)}")
     print(f"\n{len(spans)} {split} recordings of {store.name} at 15 fps; figure: {picture}")
     return result
 
@@ -142,12 +153,14 @@ def _moving(positions: NDArray[np.floating]) -> NDArray[np.floating]:
 def measure_motion(
     recordings: Sequence[NDArray[np.floating]],
     real: Sequence[NDArray[np.floating]] | None = None,
+    seeds: int = 1,
 ) -> SystemStatistics:
     """Measure a system's motion.
 
     Args:
         recordings: ``(T, 9, 3)`` each, metres, at 15 fps.
         real: What was recorded with the same speech, of the same lengths; None for that itself.
+        seeds: Trainings that the recordings are of, one after another.
     """
     values: dict[str, list[float]] = {column.key: [] for column in _COLUMNS[1:]}
     histograms = {name: np.zeros(BINS + 1, dtype=np.int64) for name in _WIDTHS}
@@ -170,7 +183,8 @@ def measure_motion(
         }
         for name, error in errors.items():
             values[name].append(100 * error.item())
-    return SystemStatistics({name: each for name, each in values.items() if each}, histograms)
+    measured = {name: each for name, each in values.items() if each}
+    return SystemStatistics(measured, histograms, seeds)
 
 
 def statistics_table(systems: Mapping[str, SystemStatistics]) -> str:
@@ -180,6 +194,25 @@ def statistics_table(systems: Mapping[str, SystemStatistics]) -> str:
         for name, system in systems.items()
     ]
     return format_table(rows, _COLUMNS)
+
+
+def seeds_table(systems: Mapping[str, SystemStatistics]) -> str:
+    """Means over seeds and their 95 % intervals by Student's t, a row per system of several."""
+    rows = [
+        {"system": name, "seeds": system.seeds}
+        | {key: _with_interval(system.by_seed(key)) for key in system.per_recording}
+        for name, system in systems.items()
+        if system.seeds > 1
+    ]
+    heading = Column("system", "95 % of the mean over seeds")
+    return format_table(rows, (heading, Column("seeds", "seeds"), *_COLUMNS[1:]))
+
+
+def _with_interval(values: Sequence[float]) -> str:
+    summary = summarise(values)
+    if summary is None or summary.ci95 is None:
+        return format_value(None)
+    return f"{summary.mean:.3g} ({summary.ci95[0]:.3g} to {summary.ci95[1]:.3g})"
 
 
 @chart_style()
