@@ -395,6 +395,48 @@ def check_look_ahead(method, store):
     ), "it says that it looks further ahead than it does"
 
 
+def reworded_from(method, speech: Speech, second: float) -> np.ndarray:
+    """Which frames change with the words that begin after a time."""
+    assert speech.words is not None
+    others = [w.text for w in speech.words[1:]] + [speech.words[0].text]
+    words = [
+        replace(word, text=other) if word.start > second else word
+        for word, other in zip(speech.words, others, strict=True)
+    ]
+    before, after = (
+        method.generate(Speech(speech.waveform, said), "ada").positions
+        for said in (speech.words, tuple(words))
+    )
+    return (before != after).any(axis=(1, 2))
+
+
+@each_stream
+def test_frames_depend_on_words_up_to_the_declared_look_ahead(method, store):
+    check_words_look_ahead(method, store)
+
+
+def check_words_look_ahead(method, store):
+    look_ahead_s, fps = method.open().words_look_ahead_s, method.window.fps
+    speech = spoken(store)
+    if look_ahead_s == -math.inf:
+        assert not reworded_from(method, speech, 0).any()
+        return
+    if look_ahead_s == math.inf:
+        assert reworded_from(method, speech, speech.words[-2].start)[: round(fps)].any(), (
+            "the first second could be made before the last word is said"
+        )
+        return
+    first_frames = (0, 8, 16, 24, 30, 32, 40)
+    for frame in first_frames:
+        changed = reworded_from(method, speech, frame / fps + look_ahead_s)
+        assert not changed[: frame + 1].any()
+    nearly_s = look_ahead_s - 0.5  # words begin every 0.36 s
+    assert any(
+        reworded_from(method, speech, frame / fps + nearly_s)[: frame + 1].any()
+        for frame in first_frames
+    ), "it says that it looks further ahead than it does"
+
+
 class Misdeclared:
     """A method whose streams say something else of themselves."""
 
@@ -417,6 +459,8 @@ def test_a_wrong_declaration_is_noticed(method, store, wrong_s):
     for look_ahead_s in {wrong_s, -math.inf}:
         with pytest.raises(AssertionError):
             check_look_ahead(Misdeclared(method, look_ahead_s=look_ahead_s), store)
+        with pytest.raises(AssertionError):
+            check_words_look_ahead(Misdeclared(method, words_look_ahead_s=look_ahead_s), store)
 
 
 @each_stream

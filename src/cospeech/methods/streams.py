@@ -127,10 +127,11 @@ class WholeUtterance(Stream):
 
     Args:
         make: Makes the motion.
+        reads_words: Whether words have any effect.
     """
 
-    def __init__(self, make: Callable[[Speech], Motion]) -> None:
-        super().__init__(look_ahead_s=math.inf, delay_s=math.inf, words_look_ahead_s=math.inf)
+    def __init__(self, make: Callable[[Speech], Motion], reads_words: bool = True) -> None:
+        super().__init__(math.inf, math.inf, math.inf if reads_words else -math.inf)
         self._make = make
         self._pieces = [np.zeros(0, dtype=np.float32)]
         self._words: list[Word] | None = None

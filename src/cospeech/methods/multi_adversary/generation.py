@@ -153,7 +153,7 @@ class GeneratesGestures(GestureMethod):
 
         The motion doesn't depend on the speaker, words aren't read, and there is nothing to draw.
         """
-        return WholeUtterance(self._motion_of)
+        return WholeUtterance(self._motion_of, reads_words=False)
 
     def _motion_of(self, speech: Speech) -> Motion:
         upper_body = evaluation_joints(self._joints_of(speech), self.layout, self.head)
