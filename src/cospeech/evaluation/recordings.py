@@ -70,17 +70,18 @@ def evaluate_recordings(
 
 
 def generated_motions(
-    method: GestureMethod, store: Store, spans: Sequence[Span], title: str
+    method: GestureMethod, store: Store, spans: Sequence[Span], title: str, first_seed: int = 0
 ) -> Iterator[Motion]:
     """The ten joints of what a method makes of the speech of stretches, one after another.
 
-    Stretch i is generated from seed i, without seed motion, for its speaker where known.
+    Without seed motion, for its speaker where known.
 
     Args:
         method: A trained method; as it was, in training mode or not, once all are made.
         store: The corpus.
         spans: Stretches with sound.
         title: Of the progress bar.
+        first_seed: Stretch i is generated from this seed plus i.
     """
     training = method.training
     method.eval()
@@ -89,7 +90,7 @@ def generated_motions(
         motion = method.generate(
             store.speech(span),
             speaker=speaker if speaker in store.speaker_ids else None,
-            generator=torch.Generator().manual_seed(number),
+            generator=torch.Generator().manual_seed(first_seed + number),
         )
         yield to_upper_body(motion)
     method.train(training)

@@ -6,6 +6,7 @@ from cospeech.studies.matching_synchrony import matching_synchrony
 from cospeech.studies.motion_statistics import motion_statistics
 from cospeech.studies.multi_adversary_figures import multi_adversary_figures
 from cospeech.studies.noise import fgd_noise
+from cospeech.studies.true_distribution import true_distribution
 
 __all__ = [
     "caused_gestures",
@@ -14,4 +15,5 @@ __all__ = [
     "matching_synchrony",
     "motion_statistics",
     "multi_adversary_figures",
+    "true_distribution",
 ]
