@@ -211,15 +211,17 @@ def _mean_poses(of_speaker: dict[str, Tensor], judged: Sequence[str]) -> Tensor:
 
 
 def _made(system: TrainedSystem, store: Store, spans: Sequence[Span]) -> Tensor:
-    """``(m, n, 34, 10, 3)``: five motions, or one where a second is the same."""
-    samples = list[Tensor]()
-    for number in range(SAMPLES):
+    """``(m, n, 34, 10, 3)``: five motions, or one of a method with which a second is the same."""
+
+    def motion(number: int, stretches: Sequence[Span]) -> Tensor:
         title = f"{system.name}, seed {system.seed}, motion {number + 1}"
-        motions = generated_motions(system.method, store, spans, title, first_seed=1000 * number)
-        samples.append(torch.cat([to_evaluation_windows(motion) for motion in motions]))
-        if number == 1 and torch.equal(samples[0], samples[1]):
-            return samples[0][None]
-    return torch.stack(samples)
+        motions = generated_motions(system.method, store, stretches, title, 1000 * number)
+        return torch.cat([to_evaluation_windows(motion) for motion in motions])
+
+    first, again = motion(0, spans), motion(1, spans[:1])
+    if torch.equal(again, first[: len(again)]):
+        return first[None]
+    return torch.stack([first, *(motion(number, spans) for number in range(1, SAMPLES))])
 
 
 def _as_json(row: ScoredSystem) -> dict[str, Any]:
