@@ -17,6 +17,7 @@ from cospeech.corpus.store import Store
 from cospeech.corpus.synthetic.rerolls import rerolls
 from cospeech.errors import CospeechError
 from cospeech.evaluation import generated_motions, long_enough
+from cospeech.evaluation.real_windows import too_little
 from cospeech.metrics.energy_score import energy_score
 from cospeech.metrics.evaluation_windows import to_evaluation_windows
 from cospeech.metrics.resampling import Estimate, Resampling, combined
@@ -81,11 +82,14 @@ def true_distribution(
         What the JSON holds.
 
     Raises:
-        CospeechError: It is the training part, or another corpus.
+        CospeechError: It is the training part or one without a recording as long as a window, or
+            motion can't be drawn anew (`rerolls`).
     """
     if split == "train":
         raise CospeechError("systems have seen the training part", "judge split=test or split=val")
     spans = long_enough(store, split)
+    if not spans:
+        raise too_little(store, store.splits[split], 0)
     truth = _Truth(store, spans)
     resampling = Resampling(truth.recording_of_window, RESAMPLES, seed)
     rng = np.random.default_rng(seed)
@@ -178,11 +182,10 @@ def _recorded(
     mean_pose = everyone.mean(dim=(0, 1)).expand_as(truth.motions[:1])
     rows = []
     if set(judged) <= set(of_speaker):
-        rows = [
-            (SAME_SPEAKER, _drawn([of_speaker[name] for name in judged], rng)),
-            ("another speaker", _drawn(_of_others(of_speaker, judged), rng)),
-            ("mean pose of the speaker", _mean_poses(of_speaker, judged)),
-        ]
+        rows.append((SAME_SPEAKER, _drawn([of_speaker[name] for name in judged], rng)))
+        if len(of_speaker) > 1:
+            rows.append(("another speaker", _drawn(_of_others(of_speaker, judged), rng)))
+        rows.append(("mean pose of the speaker", _mean_poses(of_speaker, judged)))
     else:
         logger.warning("some speaker has no training motion: no rows of motion to other speech")
     return [*rows, ("mean pose", mean_pose)]
@@ -192,9 +195,8 @@ def _of_others(of_speaker: dict[str, Tensor], judged: Sequence[str]) -> list[Ten
     others = {
         name: torch.cat([windows for other, windows in of_speaker.items() if other != name])
         for name in set(judged)
-        if len(of_speaker) > 1
     }
-    return [others.get(name, of_speaker[name]) for name in judged]
+    return [others[name] for name in judged]
 
 
 def _drawn(pools: Sequence[Tensor], rng: np.random.Generator) -> Tensor:
@@ -225,17 +227,14 @@ def _made(system: TrainedSystem, store: Store, spans: Sequence[Span]) -> Tensor:
 
 
 def _as_json(row: ScoredSystem) -> dict[str, Any]:
+    over = row.over_same_speaker
     return {
         "seeds": list(row.seeds),
         "samples": row.samples,
         "energy_score_cm": row.score.value,
         "interval": row.score.interval(),
-        "over_same_speaker_cm": None
-        if row.over_same_speaker is None
-        else row.over_same_speaker.value,
-        "over_same_speaker_interval": None
-        if row.over_same_speaker is None
-        else row.over_same_speaker.interval(),
+        "over_same_speaker_cm": None if over is None else over.value,
+        "over_same_speaker_interval": None if over is None else over.interval(),
     }
 
 
