@@ -351,33 +351,50 @@ def frames_due(samples: int, delay_s: float, fps: float) -> int:
     return 0 if due_s <= 0 else math.ceil(round(due_s * fps, 6))
 
 
-def changed_from(method, speech: Speech, second: float) -> np.ndarray:
-    """Which frames change with the sound from a time on."""
-    waveform = speech.waveform.copy()
-    waveform[round(second * SAMPLE_RATE) :] = np.sin(np.arange(len(waveform)) / 9)[
-        round(second * SAMPLE_RATE) :
+def other_sound(speech: Speech, second: float) -> Speech:
+    """The speech with other sound from a time on."""
+    waveform, other = speech.waveform.copy(), np.sin(np.arange(len(speech.waveform)) / 9)
+    waveform[round(second * SAMPLE_RATE) :] = other[round(second * SAMPLE_RATE) :]
+    return Speech(waveform, speech.words)
+
+
+def other_words(speech: Speech, second: float) -> Speech:
+    """The speech with other texts of the words that begin after a time."""
+    assert speech.words is not None
+    others = [w.text for w in speech.words[1:]] + [speech.words[0].text]
+    words = [
+        replace(word, text=other) if word.start > second else word
+        for word, other in zip(speech.words, others, strict=True)
     ]
-    before, after = (
-        method.generate(Speech(sound, speech.words), "ada").positions
-        for sound in (speech.waveform, waveform)
-    )
-    return (before != after).any(axis=(1, 2))
+    return Speech(speech.waveform, tuple(words))
+
+
+LOOK_AHEADS = {"look_ahead_s": other_sound, "words_look_ahead_s": other_words}
 
 
 @each_stream
-def test_frames_depend_on_sound_up_to_the_declared_look_ahead(method, store):
-    check_look_ahead(method, store)
+@pytest.mark.parametrize("declared", LOOK_AHEADS)
+def test_frames_depend_on_speech_up_to_the_declared_look_ahead(method, store, declared):
+    check_look_ahead(method, store, declared)
 
 
-def check_look_ahead(method, store):
-    look_ahead_s, fps = method.open().look_ahead_s, method.window.fps
+def check_look_ahead(method, store, declared="look_ahead_s"):
+    look_ahead_s, fps = getattr(method.open(), declared), method.window.fps
     speech = spoken(store)
+
+    def changed_from(second):
+        """Which frames change with the speech from a time on."""
+        before, after = (
+            method.generate(each, "ada").positions
+            for each in (speech, LOOK_AHEADS[declared](speech, second))
+        )
+        return (before != after).any(axis=(1, 2))
+
     if look_ahead_s == -math.inf:
-        assert not changed_from(method, speech, 0).any()
+        assert not changed_from(0).any()
         return
     if look_ahead_s == math.inf:
-        last_s = len(speech.waveform) / SAMPLE_RATE - 1
-        changed = changed_from(method, speech, last_s)
+        changed = changed_from(len(speech.waveform) / SAMPLE_RATE - 1)
         assert changed[: round(fps)].any(), (
             "the first second could be made before the last is heard"
         )
@@ -385,54 +402,12 @@ def check_look_ahead(method, store):
     # Where steps of 8 frames and chunks of 30 begin.
     first_frames = (0, 8, 16, 24, 30, 32, 40)
     for frame in first_frames:
-        changed = changed_from(method, speech, frame / fps + look_ahead_s)
-        assert not changed[: frame + 1].any()
-    # What convolutions hear at the edge of all they hear can be less than rounding.
-    nearly_s = look_ahead_s - max(0.15, 0.2 * look_ahead_s)
+        assert not changed_from(frame / fps + look_ahead_s)[: frame + 1].any()
+    # What convolutions hear at the edge of all they hear can be less than rounding; and words begin
+    # every 0.36 s.
+    edge_s = max(0.15, 0.2 * look_ahead_s) if declared == "look_ahead_s" else 0.5
     assert any(
-        changed_from(method, speech, frame / fps + nearly_s)[: frame + 1].any()
-        for frame in first_frames
-    ), "it says that it looks further ahead than it does"
-
-
-def reworded_from(method, speech: Speech, second: float) -> np.ndarray:
-    """Which frames change with the words that begin after a time."""
-    assert speech.words is not None
-    others = [w.text for w in speech.words[1:]] + [speech.words[0].text]
-    words = [
-        replace(word, text=other) if word.start > second else word
-        for word, other in zip(speech.words, others, strict=True)
-    ]
-    before, after = (
-        method.generate(Speech(speech.waveform, said), "ada").positions
-        for said in (speech.words, tuple(words))
-    )
-    return (before != after).any(axis=(1, 2))
-
-
-@each_stream
-def test_frames_depend_on_words_up_to_the_declared_look_ahead(method, store):
-    check_words_look_ahead(method, store)
-
-
-def check_words_look_ahead(method, store):
-    look_ahead_s, fps = method.open().words_look_ahead_s, method.window.fps
-    speech = spoken(store)
-    if look_ahead_s == -math.inf:
-        assert not reworded_from(method, speech, 0).any()
-        return
-    if look_ahead_s == math.inf:
-        assert reworded_from(method, speech, speech.words[-2].start)[: round(fps)].any(), (
-            "the first second could be made before the last word is said"
-        )
-        return
-    first_frames = (0, 8, 16, 24, 30, 32, 40)
-    for frame in first_frames:
-        changed = reworded_from(method, speech, frame / fps + look_ahead_s)
-        assert not changed[: frame + 1].any()
-    nearly_s = look_ahead_s - 0.5  # words begin every 0.36 s
-    assert any(
-        reworded_from(method, speech, frame / fps + nearly_s)[: frame + 1].any()
+        changed_from(frame / fps + look_ahead_s - edge_s)[: frame + 1].any()
         for frame in first_frames
     ), "it says that it looks further ahead than it does"
 
@@ -459,8 +434,9 @@ def test_a_wrong_declaration_is_noticed(method, store, wrong_s):
     for look_ahead_s in {wrong_s, -math.inf}:
         with pytest.raises(AssertionError):
             check_look_ahead(Misdeclared(method, look_ahead_s=look_ahead_s), store)
+        misdeclared = Misdeclared(method, words_look_ahead_s=look_ahead_s)
         with pytest.raises(AssertionError):
-            check_words_look_ahead(Misdeclared(method, words_look_ahead_s=look_ahead_s), store)
+            check_look_ahead(misdeclared, store, "words_look_ahead_s")
 
 
 @each_stream
