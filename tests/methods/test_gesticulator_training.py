@@ -105,6 +105,13 @@ def test_speech_is_standardised_by_the_training_speech_and_a_checkpoint_holds_it
 
 def test_numbers_that_never_change_are_divided_by_one():
     scales = Standardised(3)
-    scales.fit(1, torch.tensor([[2.0, -15.0], [4.0, -15.0]]))
-    made = scales(torch.tensor([[7.0, 3.0, -14.0]]))
-    torch.testing.assert_close(made, torch.tensor([[7.0, 0.0, 1.0]]))
+    pieces = [
+        np.zeros((0, 2)),
+        [[2.0, -14.9]],
+        [[4.0, -14.9], [3.0, -14.9]],
+        [[3.0, -14.9]] * 100_000,
+    ]
+    scales.fit(1, [np.array(piece, dtype=np.float32) for piece in pieces])
+    made = scales(torch.tensor([[7.0, 3.0, -13.9]]))
+    torch.testing.assert_close(made, torch.tensor([[7.0, 0.0, 1.0]]), rtol=1e-6, atol=1e-5)
+    torch.testing.assert_close(scales.deviation[1], torch.tensor((2 / 100_003) ** 0.5))

@@ -180,3 +180,17 @@ def test_what_is_not_coded_keeps_its_mean_rotation_in_the_checkpoint():
 def test_a_skeleton_that_rotations_can_not_pose_is_refused(skeleton, lacks):
     with pytest.raises(CospeechError, match=f"has no {lacks}"):
         SixNumberCodec(skeleton, ["wing"])
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16, torch.float16, torch.float64])
+@pytest.mark.parametrize("codec_class", [ExponentialMapCodec, SixNumberCodec])
+def test_rotations_that_come_out_are_unit_and_pose_what_comes_out(codec_class, dtype):
+    codec = codec_class(SKELETON, ["LeftArm", "RightForeArm", "Neck"])
+    generator = torch.Generator().manual_seed(0)
+    features = 2 * torch.randn(50, codec.size, generator=generator)  # some turn by more than pi
+    motion = codec.motion(features.to(dtype), 20.0)
+    lengths = np.linalg.norm(motion.rotations_local, axis=-1)
+    np.testing.assert_allclose(lengths, 1, atol=1e-6)
+    posed = skeleton_positions(motion.skeleton, motion.rotations_local)
+    apart = posed - motion.positions - (posed - motion.positions)[:, :1]
+    assert np.abs(apart).max() < 1e-5

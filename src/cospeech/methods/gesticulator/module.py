@@ -6,7 +6,6 @@ import logging
 from dataclasses import replace
 from typing import Any, ClassVar, cast, get_args
 
-import numpy as np
 import torch
 from lightning.pytorch.core.optimizer import LightningOptimizer
 from torch import Tensor
@@ -199,11 +198,11 @@ class Gesticulator(GestureMethod):
         assert isinstance(loader, WindowLoader)
         assert isinstance(loader.dataset, WindowDataset)
         if self.network.standardised is not None:
-            first = 0
+            first, tracks = 0, loader.dataset.tracks
             for field in self.fields:
-                frames = np.asarray(loader.dataset.every_frame(field.name), dtype=np.float32)
-                self.network.standardised.fit(first, torch.from_numpy(frames).to(self.device))
-                first += frames.shape[1]
+                sequences = (tracks.values(field.name, i) for i in range(len(tracks)))
+                self.network.standardised.fit(first, sequences)
+                first += field.width or 0
         rotations = torch.from_numpy(loader.dataset.every_frame("rotations")).to(self.device)
         self.codec.fit(rotations)
         cast(Tensor, self.mean_pose).copy_(self.codec.encode(rotations).mean(dim=0))

@@ -5,9 +5,12 @@ See docs/facts/trinity_and_gesticulator.md, section 4; Kucherenko et al. 2020, s
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, cast, get_args
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from cospeech.errors import require_choice
@@ -53,15 +56,32 @@ class Standardised(nn.Module):
         self.register_buffer("mean", torch.zeros(size))
         self.register_buffer("deviation", torch.ones(size))
 
-    def fit(self, first: int, values: Tensor) -> None:
-        """Take mean and deviation of ``(N, C)`` values of the numbers from ``first`` on.
+    def fit(self, first: int, sequences: Iterable[NDArray[np.floating]]) -> None:
+        """Take mean and deviation of the numbers from ``first`` on.
 
         What never changes is divided by one.
+
+        Args:
+            first: The first of the numbers.
+            sequences: ``(T, C)`` values each, gone through once: a corpus needn't fit in memory.
         """
-        deviation, mean = torch.std_mean(values, dim=0, correction=0)
-        here = slice(first, first + values.shape[1])
-        self.mean[here] = mean
-        self.deviation[here] = torch.where(deviation > 1e-6, deviation, 1.0)
+        count, origin = 0, None
+        total = squares = np.zeros(())
+        for values in sequences:
+            exact = np.asarray(values, dtype=np.float64)
+            if not len(exact):
+                continue
+            origin = exact[0] if origin is None else origin  # what never changes has no rounding
+            count += len(exact)
+            total = total + (exact - origin).sum(axis=0)
+            squares = squares + np.square(exact - origin).sum(axis=0)
+        if origin is None:
+            return
+        mean = origin + total / count
+        deviation = np.sqrt(np.maximum(squares / count - np.square(total / count), 0))
+        here = slice(first, first + len(mean))
+        self.mean[here] = torch.from_numpy(mean)
+        self.deviation[here] = torch.from_numpy(np.where(deviation > 1e-6, deviation, 1.0))
 
     def forward(self, values: Tensor) -> Tensor:
         """``(..., size)`` to the same shape."""

@@ -178,6 +178,8 @@ class RotationCodec(nn.Module, ABC):
             fps: Frames per second.
             root_positions: ``(T, 3)``, as for `decode`.
         """
+        if features.dtype in (torch.float16, torch.bfloat16):
+            features = features.float()  # half of the digits don't make unit quaternions
         local = self.decode_rotations(features)
         rotations = self._every_joint(self._quaternions(self._by_joint(features)), self.others)
         return Motion(
