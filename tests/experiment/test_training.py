@@ -12,7 +12,7 @@ from lightning import LightningModule
 from cospeech.corpus.facts import placeholder_facts
 from cospeech.corpus.features import FIELDS
 from cospeech.corpus.store import Store
-from cospeech.errors import ConfigError
+from cospeech.errors import ConfigError, CospeechError
 from cospeech.experiment import run, training
 from cospeech.experiment.building import build
 from cospeech.experiment.context import RunInterrupted
@@ -205,6 +205,11 @@ def test_a_setting_of_the_method_is_checked_before_the_corpus_is_prepared(
 @pytest.mark.parametrize("name", [path.stem for path in (CONF / "model").glob("*.yaml")])
 def test_every_model_can_be_built_without_a_corpus(name):
     with command("train", f"model={name}") as cfg:
-        built = build(cfg.model, corpus=placeholder_facts())
+        try:
+            built = build(cfg.model, corpus=placeholder_facts())
+        except CospeechError as error:
+            if "need the extra" in error.problem:
+                pytest.skip(error.problem)
+            raise
     assert isinstance(built, LightningModule)
     assert built.needs <= FIELDS.keys()
